@@ -1,0 +1,159 @@
+"""FrameState: everything about one frame that the passes need, now and one frame earlier, as float64 data.
+
+The previous state is part of the data, never the memory of an earlier call: any frame renders alone.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera_path import CameraPath, CameraSample, frame_count, make_camera_path, sample
+from .errors import InputError
+from .scene.description import SceneDescription, rotation_from_y_up, scene_bounds
+from .transforms import Matrix, Vector, clip_from_view, look_at
+
+ORIGIN_CELL_M = 4096.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraState:
+    """A pinhole camera. world_from_camera: [4, 4] rigid, looking along -z. fov_y in radians. near, far: scene units."""
+
+    world_from_camera: Matrix
+    fov_y: float
+    aspect: float
+    near: float
+    far: float
+
+    @property
+    def view_from_world(self) -> Matrix:
+        return np.linalg.inv(self.world_from_camera)
+
+    @property
+    def clip_from_view(self) -> Matrix:
+        return clip_from_view(self.fov_y, self.aspect, self.near, self.far)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameState:
+    """One frame. On a reset (frame 0 of the path, or the first after a cut) the previous state equals the current.
+
+    world_from_object, previous_world_from_object: [objects, 4, 4]. render_origin: [3], the point that the passes take as
+    (0, 0, 0) so that float32 resolves what lies around the camera.
+    """
+
+    frame: int
+    time_s: float
+    frame_time_ms: float
+    reset: bool
+    exposure_ev: float
+    camera: CameraState
+    previous_camera: CameraState
+    world_from_object: NDArray[np.float64]
+    previous_world_from_object: NDArray[np.float64]
+    render_origin: Vector
+
+
+@dataclass(frozen=True)
+class Shoot:
+    """A scene seen along a path at one aspect ratio: gives the state of any frame, in any order."""
+
+    scene: SceneDescription
+    path: CameraPath
+    aspect: float
+
+    @cached_property
+    def samples(self) -> tuple[CameraSample, ...]:
+        return tuple(sample(self.path, i / self.path.fps, self.scene.up) for i in range(frame_count(self.path)))
+
+    @cached_property
+    def clip_planes(self) -> tuple[float, float]:
+        low, high = scene_bounds(self.scene)
+        centres = np.array([item.world_from_camera[:3, 3] for item in self.samples])
+        reach = float(np.linalg.norm(np.maximum(high, centres.max(axis=0)) - np.minimum(low, centres.min(axis=0)))) or 1.0
+        near, far = self.path.near or 1e-3 * reach, self.path.far or 100 * reach
+        if far <= near:
+            raise InputError(f"near {near:g} is not less than far {far:g}", file="camera path", field="near")
+        return near, far
+
+    @cached_property
+    def _origins(self) -> tuple[Vector, ...]:
+        """One origin per frame: the middle of the shot's camera positions, or a coarse grid where the shot is too long."""
+        cell = ORIGIN_CELL_M / self.scene.metres_per_unit
+        positions = np.array([item.world_from_camera[:3, 3] for item in self.samples])
+        shots = np.array([item.shot for item in self.samples])
+        origins = np.empty_like(positions)
+        for shot in np.unique(shots):
+            inside = positions[shots == shot]
+            low, high = inside.min(axis=0), inside.max(axis=0)
+            snapped = np.round(inside / cell) * cell
+            origins[shots == shot] = (low + high) / 2 if np.all(high - low <= cell) else snapped
+        return tuple(origins)
+
+    def camera(self, frame: int) -> CameraState:
+        near, far = self.clip_planes
+        item = self.samples[frame]
+        return CameraState(
+            world_from_camera=item.world_from_camera, fov_y=item.fov_y, aspect=self.aspect, near=near, far=far
+        )
+
+    def state(self, frame: int) -> FrameState:
+        """The state of `frame`, 0 <= frame < len(self)."""
+        reset = frame == 0 or self.samples[frame].shot != self.samples[frame - 1].shot
+        before = frame if reset else frame - 1
+        objects, previous_objects = (
+            self.scene.world_from_object(self.samples[i].scene_time_s) for i in (frame, before)
+        )
+        return FrameState(
+            frame=frame,
+            time_s=frame / self.path.fps,
+            frame_time_ms=1000 / self.path.fps,
+            reset=reset,
+            exposure_ev=self.path.exposure_ev,
+            camera=self.camera(frame),
+            previous_camera=self.camera(before),
+            world_from_object=objects,
+            previous_world_from_object=previous_objects,
+            render_origin=self._origins[frame],
+        )
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
+def frame_states(shoot: Shoot, frames: range) -> Iterator[FrameState]:
+    """States of `frames`; numbers past the end of the path raise InputError."""
+    if len(frames) == 0 or frames[0] < 0 or frames[-1] >= len(shoot):
+        raise InputError(
+            f"frames {frames.start}:{frames.stop} do not lie in 0:{len(shoot)}, the frames of the path", field="frames"
+        )
+    return (shoot.state(frame) for frame in frames)
+
+
+def orbit(scene: SceneDescription, frames: int = 32, fps: float = 24, fov_y_deg: float = 45) -> CameraPath:
+    """The default path of a scene that brings none: an eighth of a circle around its bounds, slightly from above.
+
+    The distance fits the bounding sphere into the vertical field of view.
+    """
+    low, high = scene_bounds(scene)
+    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
+    distance = 1.1 * radius / math.sin(math.radians(fov_y_deg) / 2)
+    elevation = math.radians(18)
+    world_from_y_up = rotation_from_y_up(scene.up_axis)
+    poses = []
+    for frame in range(frames):
+        azimuth = math.radians(30) + math.pi / 4 * frame / max(frames - 1, 1)
+        direction = world_from_y_up @ np.array(
+            [
+                math.sin(azimuth) * math.cos(elevation),
+                math.sin(elevation),
+                math.cos(azimuth) * math.cos(elevation),
+            ]
+        )
+        matrix = look_at(centre + distance * direction, centre, scene.up)
+        poses.append({"time": frame / fps, "world_from_camera": matrix.tolist()})
+    return make_camera_path({"version": 1, "fps": fps, "fov_y_deg": fov_y_deg, "poses": poses}, file="orbit")

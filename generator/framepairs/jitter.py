@@ -1,0 +1,47 @@
+"""Where samples lie: the Halton jitter of LR streams and the anti-aliasing positions of the HR truth.
+
+Plain Python floats: these are a few numbers per frame, exact in float64, and opaque to the kernels that use them.
+"""
+
+from functools import lru_cache
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """The van der Corput value of `index` >= 0: its digits in `base`, mirrored at the radix point, in [0, 1).
+
+    Exact integer arithmetic with one division, so that indices up to 2^31 lose nothing before float64 rounding.
+    """
+    numerator, denominator = 0, 1
+    while index:
+        index, digit = divmod(index, base)
+        numerator, denominator = numerator * base + digit, denominator * base
+    return numerator / denominator
+
+
+def default_length(scale: float) -> int:
+    """int(8 S^2), the sequence length of FSR 2."""
+    return int(8 * scale * scale)
+
+
+def jitter(frame: int, length: int) -> tuple[float, float]:
+    """J of `frame`: Halton(2, 3) from index 1, minus 0.5, repeating after `length` frames.
+
+    LR pixels, x right, y down, each in [-0.5, 0.5). The pixel then samples the unjittered position centre - J.
+    """
+    index = frame % length + 1
+    return radical_inverse(index, 2) - 0.5, radical_inverse(index, 3) - 0.5
+
+
+@lru_cache
+def antialiasing_positions(samples: int) -> tuple[tuple[float, float], ...]:
+    """`samples` positions inside a pixel, in (0, 1)^2, x right, y down.
+
+    One sample lies at the centre. More are the Hammersley set, shifted by half a stratum in x and so that y's mean is a
+    half: every horizontal and (for powers of two) vertical 1/N strip holds one, and the mean position is the centre, so
+    that the truth is not displaced against the one-sample channels.
+    """
+    if samples == 1:
+        return ((0.5, 0.5),)
+    ys = [radical_inverse(index, 2) for index in range(samples)]
+    shift = 0.5 - sum(ys) / samples
+    return tuple(((index + 0.5) / samples, y + shift) for index, y in enumerate(ys))

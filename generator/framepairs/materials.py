@@ -1,0 +1,138 @@
+"""Materials in one table: constants times textures, evaluated for any hit in one kernel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .backend import dr, mi
+from .scene.description import Material, SceneDescription, Slot
+from .textures import TextureTable, build_textures, sample_texture
+
+SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
+CONSTANTS = 16  # floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, 4 free
+ALPHA_CODE = {"opaque": 0, "mask": 1, "blend": 2}
+NO_TEXTURE = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class MaterialTable:
+    """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. uv: [24 M], a 2x3 matrix per slot. used: the slots
+    that any material fills. masks, blends: whether any material does."""
+
+    constants: mi.Float
+    alpha: mi.UInt32
+    slots: mi.UInt32
+    uv: mi.Float
+    textures: TextureTable
+    used: frozenset[str]
+    masks: bool
+    blends: bool
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What a look-up covers: uv [2] and its derivatives per pixel in x and y, and the mip bias in levels."""
+
+    uv: mi.Point2f
+    duv_dx: mi.Vector2f
+    duv_dy: mi.Vector2f
+    bias: mi.Float
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material at a point: base_color, specular, roughness, metallic, emission, and the tangent-space normal."""
+
+    base_color: mi.Color3f
+    specular: mi.Float
+    roughness: mi.Float
+    metallic: mi.Float
+    emission: mi.Color3f
+    tangent_normal: mi.Vector3f
+
+
+def build_materials(scene: SceneDescription) -> MaterialTable:
+    materials = scene.materials or (Material(name="default"),)
+    slots = [[getattr(material, name) for name in SLOTS] for material in materials]
+    return MaterialTable(
+        constants=mi.Float(np.array([_constants(material) for material in materials], dtype=np.float32).ravel()),
+        alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
+        slots=mi.UInt32(np.array([[_texture_index(s) for s in row] for row in slots], dtype=np.uint32).ravel()),
+        uv=mi.Float(np.array([[(s or Slot(texture=0)).uv for s in row] for row in slots], dtype=np.float32).ravel()),
+        textures=build_textures(scene.textures),
+        used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
+        masks=any(material.alpha == "mask" for material in materials),
+        blends=any(material.alpha == "blend" for material in materials),
+    )
+
+
+def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> mi.Float:
+    """Opacity in [0, 1]: 1 for opaque materials, 0 or 1 for masked ones."""
+    alpha = dr.gather(mi.UInt32, table.alpha, material, active)
+    base = dr.gather(mi.Vector4f, table.constants, material * 4, active)
+    cutoff = dr.gather(mi.Float, table.constants, material * CONSTANTS + 7, active)
+    value = base.w * _slot(table, "base_texture", material, footprint, active & (alpha != ALPHA_CODE["opaque"])).w
+    masked = dr.select(value >= cutoff, mi.Float(1), mi.Float(0))
+    value = dr.select(alpha == ALPHA_CODE["mask"], masked, dr.clip(value, 0, 1))
+    return dr.select(alpha == ALPHA_CODE["opaque"], 1, value)
+
+
+def is_blended(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
+    return dr.gather(mi.UInt32, table.alpha, material, active) == ALPHA_CODE["blend"]
+
+
+def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> Surface:
+    """The material's values; base colour, roughness, metallic and specular are clamped to [0, 1]."""
+    c0, c1, c2 = (dr.gather(mi.Vector4f, table.constants, material * 4 + k, active) for k in range(3))
+    base = _slot(table, "base_texture", material, footprint, active)
+    packed = _slot(table, "surface_texture", material, footprint, active)
+    emission = _slot(table, "emission_texture", material, footprint, active)
+    normal = mi.Vector3f(0, 0, 1)
+    if "normal_texture" in table.used:
+        texel = _slot(table, "normal_texture", material, footprint, active, otherwise=mi.Vector4f(0, 0, 1, 1))
+        normal = mi.Vector3f(texel.x * c2.w, texel.y * c2.w, texel.z)
+    return Surface(
+        base_color=mi.Color3f(*(dr.clip(c0[k] * base[k], 0, 1) for k in range(3))),
+        specular=dr.clip(c1.x * packed.x, 0, 1),
+        roughness=dr.clip(c1.y * packed.y, 0, 1),
+        metallic=dr.clip(c1.z * packed.z, 0, 1),
+        emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k], 0) for k in range(3))),
+        tangent_normal=normal,
+    )
+
+
+def _slot(
+    table: MaterialTable,
+    name: str,
+    material: mi.UInt32,
+    footprint: Footprint,
+    active: mi.Bool,
+    otherwise: mi.Vector4f | None = None,
+) -> mi.Vector4f:
+    """The texel of a slot; `otherwise` (white) where the material leaves it empty. Nothing is traced for unused slots."""
+    otherwise = mi.Vector4f(1) if otherwise is None else otherwise
+    if name not in table.used:
+        return otherwise
+    place = material * len(SLOTS) + SLOTS.index(name)
+    texture = dr.gather(mi.UInt32, table.slots, place, active)
+    filled = active & (texture != NO_TEXTURE)
+    u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
+
+    def linear(vector):
+        return mi.Vector2f(u.x * vector.x + u.y * vector.y, v.x * vector.x + v.y * vector.y)
+
+    uv = mi.Point2f(linear(footprint.uv) + mi.Vector2f(u.z, v.z))
+    texel = sample_texture(
+        table.textures, texture, uv, linear(footprint.duv_dx), linear(footprint.duv_dy), footprint.bias, filled
+    )
+    return dr.select(filled, texel, otherwise)
+
+
+def _texture_index(slot: Slot | None) -> int:
+    return NO_TEXTURE if slot is None else slot.texture
+
+
+def _constants(material: Material) -> list[float]:
+    values = [*material.base_color, material.opacity, material.specular, material.roughness, material.metallic]
+    values += [material.alpha_cutoff, *material.emission, material.normal_scale]
+    return values + [0.0] * (CONSTANTS - len(values))

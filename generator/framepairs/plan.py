@@ -1,0 +1,109 @@
+"""The render plan: every decision about a corpus, read from options or a file, resolved, stored, and runnable again."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from .channels import CHANNEL
+from .conventions import Stream, default_mip_bias, lr_size, lr_stream_name, truth_mip_bias
+from .errors import InputError
+from .jitter import default_length
+
+Scale = Annotated[float, Field(ge=1, le=64, allow_inf_nan=False)]
+Extent = Annotated[int, Field(ge=1, le=16384)]
+LrVariant = Literal["native", "jittered", "mip", "jittered_mip"]
+
+
+class RenderPlan(BaseModel):
+    """What to render. Unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    version: Literal[1] = 1
+    display: tuple[Extent, Extent] = Field((1920, 1080), description="width and height of HR frames, in pixels")
+    scales: tuple[Scale, ...] = Field((2.0,), description="scale factors of the LR streams, each >= 1")
+    variants: tuple[LrVariant, ...] = Field(("native", "jittered_mip"), description="LR streams per scale")
+    hr_native: bool = Field(False, description="add the stream hr_native: one sample per pixel, all channels")
+    shading: Literal["raster", "path"] = Field("raster", description="noise-free raster shading or path tracing")
+    antialiasing: Annotated[int, Field(ge=1, le=4096)] = Field(16, description="samples per pixel of the HR truth")
+    samples_per_pixel: Annotated[int, Field(ge=1, le=65536)] = Field(64, description="light paths per pixel (path)")
+    max_depth: Annotated[int, Field(ge=1, le=64)] = Field(6, description="longest light path, in edges (path)")
+    jitter_length: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="length of the Halton sequence; null: int(8 S^2)"
+    )
+    mip_bias_offset: Annotated[float, Field(ge=-8, le=8)] = Field(0.0, description="added to -log2(S)")
+    brdf_model: Literal["separable_smith"] = Field("separable_smith", description="model that shades and its table")
+    brdf_table: Annotated[int, Field(ge=8, le=2048)] = Field(512, description="nodes per axis of the A, B table")
+    brdf_floor: Annotated[float, Field(gt=0, le=1)] = Field(1e-3, description="floor of F_beta when demodulating")
+    channels: Literal["needed", "all"] | tuple[str, ...] = Field("needed", description="which channels are files")
+    color_precision: Literal["half", "float"] = Field("half", description="dtype of colour, emission and brdf")
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="seed of the light paths (path)")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RenderPlan":
+        if not isinstance(self.channels, str):
+            unknown = [name for name in self.channels if name not in CHANNEL]
+            if unknown:
+                raise ValueError(f"channels: unknown {unknown[0]!r}; known are {', '.join(CHANNEL)}")
+        for what, values in (("scales", self.scales), ("variants", self.variants)):
+            if len(set(values)) != len(values):
+                raise ValueError(f"{what}: {values} names one value twice")
+        names = [stream.name for stream in plan_streams(self)]
+        twins = sorted({name for name in names if names.count(name) > 1})
+        if twins:
+            raise ValueError(f"scales and variants give two streams the name {twins[0]!r}")
+        return self
+
+
+# Keys that say which streams exist; all others decide the pixels of every stream.
+STREAM_KEYS = frozenset({"scales", "variants", "hr_native"})
+
+
+def make_plan(values: dict, *, file: str | Path | None = None) -> RenderPlan:
+    """Validate `values`. Raises InputError that names the field."""
+    try:
+        return RenderPlan.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or None
+        raise InputError(f"{first['msg']} (got {first['input']!r:.80})", file=file or "plan", field=field) from None
+
+
+def read_plan(file: Path) -> dict:
+    """The keys of a plan file, unchecked: options on the command line go over them before `make_plan`."""
+    try:
+        values = json.loads(file.read_text())
+    except OSError as error:
+        raise InputError(error.strerror or "cannot be read", file=file) from None
+    except ValueError as error:
+        raise InputError(f"not JSON: {error}", file=file) from None
+    if not isinstance(values, dict):
+        raise InputError("a plan is a JSON object", file=file)
+    return values
+
+
+def plan_streams(plan: RenderPlan) -> tuple[Stream, ...]:
+    """The streams of a plan, HR first."""
+    truth = Stream(
+        name="hr", size=plan.display, samples=plan.antialiasing, mip_bias=truth_mip_bias(plan.antialiasing)
+    )
+    native = [Stream(name="hr_native", size=plan.display)] if plan.hr_native else []
+    return (truth, *native, *(_lr_stream(plan, scale, variant) for scale in plan.scales for variant in plan.variants))
+
+
+def jitter_length(plan: RenderPlan, scale: float) -> int:
+    return plan.jitter_length or default_length(scale)
+
+
+def _lr_stream(plan: RenderPlan, scale: float, variant: LrVariant) -> Stream:
+    jittered, mip = variant.startswith("jittered"), variant.endswith("mip")
+    bias = default_mip_bias(scale, plan.mip_bias_offset) if mip else 0.0
+    return Stream(
+        name=lr_stream_name(scale, jittered=jittered, mip_bias=bias),
+        size=lr_size(plan.display, scale),
+        scale=scale,
+        jittered=jittered,
+        mip_bias=bias,
+    )

@@ -1,0 +1,202 @@
+"""What a scene is, once read: plain data, whatever file it came from. Nothing here knows of Mitsuba or Dr.Jit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texture:
+    """An image with its way of being read.
+
+    texels: [height, width, 4], uint8 or float32, first row at v = 1 (top), alpha 1 where the file has none. srgb: RGB
+    are sRGB-encoded (alpha never is). wrap: for u and v. scale, bias: applied to the decoded value, per component.
+    """
+
+    name: str
+    texels: NDArray
+    srgb: bool
+    wrap: tuple[Literal["repeat", "mirror", "clamp"], Literal["repeat", "mirror", "clamp"]] = ("repeat", "repeat")
+    scale: tuple[float, float, float, float] = (1, 1, 1, 1)
+    bias: tuple[float, float, float, float] = (0, 0, 0, 0)
+
+
+IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slot:
+    """A texture in a material: index into SceneDescription.textures and the uv transform (rows of a 2x3 matrix)."""
+
+    texture: int
+    uv: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """A metallic-roughness material. Each texture multiplies its constants.
+
+    base_color, emission: linear Rec. 709, emission in radiance. roughness: perceptual. specular: F0 = 0.08 * specular.
+    base_texture: RGB base colour, A opacity. surface_texture: R specular, G roughness, B metallic. normal_texture:
+    tangent-space normal, decoded to [-1, 1] by the texture's scale and bias. not_read: properties of the file that have
+    no counterpart here, named for `describe`.
+    """
+
+    name: str
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    opacity: float = 1.0
+    roughness: float = 0.5
+    metallic: float = 0.0
+    specular: float = 0.5
+    emission: tuple[float, float, float] = (0, 0, 0)
+    alpha: Literal["opaque", "mask", "blend"] = "opaque"
+    alpha_cutoff: float = 0.5
+    normal_scale: float = 1.0
+    base_texture: Slot | None = None
+    surface_texture: Slot | None = None
+    normal_texture: Slot | None = None
+    emission_texture: Slot | None = None
+    not_read: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Triangles in object space.
+
+    positions: [V, 3] float32. faces: [T, 3] uint32, counter-clockwise from outside. normals: [V, 3] float32 or None for
+    flat shading. uv: [V, 2] float32 with v up, or None.
+    """
+
+    name: str
+    positions: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    normals: NDArray[np.float32] | None = None
+    uv: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneObject:
+    """A leaf instance: one mesh with one material. Its object_id is 1 + its index. moves: its transform is animated."""
+
+    name: str
+    mesh: int
+    material: int
+    moves: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """A light without extent.
+
+    direction: unit vector along which a directional or spot light shines. radiance: irradiance on a facing surface for
+    directional lights, radiant intensity for the others; linear Rec. 709. cone: cosines of the spot's inner and outer
+    half angle.
+    """
+
+    name: str
+    kind: Literal["directional", "point", "spot"]
+    radiance: tuple[float, float, float]
+    position: tuple[float, float, float] = (0, 0, 0)
+    direction: tuple[float, float, float] = (0, -1, 0)
+    cone: tuple[float, float] = (-1, -1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment:
+    """Light from infinitely far away.
+
+    texels: [height, width, 3] float32 radiance, latitude-longitude: with environment axes y up, direction (x, y, z) lies
+    at u = 0.5 - atan2(x, z) / 2 pi from the left and at acos(y) / pi from the top (USD's and OpenEXR's order).
+    world_from_environment: [3, 3] rotation.
+    """
+
+    name: str
+    texels: NDArray[np.float32]
+    world_from_environment: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneDescription:
+    """A whole scene.
+
+    world_from_object: function of the animation's time in seconds to [objects, 4, 4] float64. files: every file that was
+    read, the main one first. up_axis: 'Y' or 'Z'. not_read: what the file holds and we do not draw, each a sentence.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    textures: tuple[Texture, ...]
+    objects: tuple[SceneObject, ...]
+    lights: tuple[Light, ...]
+    environment: Environment | None
+    up_axis: Literal["X", "Y", "Z"]
+    metres_per_unit: float
+    world_from_object: Callable[[float], NDArray[np.float64]]
+    animation_end_s: float = 0.0
+    not_read: tuple[str, ...] = ()
+
+    @property
+    def up(self) -> NDArray[np.float64]:
+        return np.eye(3)["XYZ".index(self.up_axis)]
+
+    @property
+    def moves(self) -> bool:
+        return any(item.moves for item in self.objects)
+
+
+def scene_bounds(scene: SceneDescription, time_s: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest corner [3] of all objects in world space; (0, 0, 0) twice for an empty scene."""
+    corners = []
+    for item, matrix in zip(scene.objects, scene.world_from_object(time_s), strict=True):
+        positions = scene.meshes[item.mesh].positions
+        if len(positions):
+            low, high = positions.min(axis=0).astype(float), positions.max(axis=0).astype(float)
+            box = np.array([[x, y, z, 1] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+            corners.append((box @ matrix.T)[:, :3])
+    stacked = np.concatenate(corners) if corners else np.zeros((1, 3))
+    return stacked.min(axis=0), stacked.max(axis=0)
+
+
+def default_environment(up_axis: str) -> Environment:
+    """The light of a scene that brings none: an overcast studio sky, 0.5 below the horizon to 1.25 above, with a bright
+    soft patch 45 degrees up so that shapes read. Radiance; mean about 1."""
+    height, width = 64, 128
+    latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
+    longitude = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
+    x = np.cos(latitude)[:, None] * np.sin(longitude)
+    y = np.sin(latitude)[:, None] * np.ones(width)
+    z = np.cos(latitude)[:, None] * np.cos(longitude)
+    blend = 1 / (1 + np.exp(-12 * y))
+    key = np.array([0.5, 0.707, 0.5]) @ np.stack([x, y, z]).reshape(3, -1)
+    patch = 6 * np.exp(12 * (key.reshape(height, width) - 1))
+    gray = 0.5 + 0.75 * blend + patch
+    tint = np.array([0.98, 1.0, 1.03])
+    return Environment(
+        name="default",
+        texels=(gray[..., None] * tint).astype(np.float32),
+        world_from_environment=rotation_from_y_up(up_axis),
+    )
+
+
+def rotation_from_y_up(up_axis: str) -> NDArray[np.float64]:
+    """Rotation [3, 3] that takes +y to the scene's up axis: none, +90 degrees about x, or -90 degrees about z."""
+    return {
+        "Y": np.eye(3),
+        "Z": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+        "X": np.array([[0, 1.0, 0], [-1, 0, 0], [0, 0, 1]]),
+    }[up_axis]
+
+
+def validate_mesh(mesh: Mesh) -> str | None:
+    """What is wrong with the mesh, or None."""
+    if len(mesh.faces) and mesh.faces.max() >= len(mesh.positions):
+        return f"face index {mesh.faces.max()} with only {len(mesh.positions)} points"
+    arrays = {"points": mesh.positions, "normals": mesh.normals, "texture coordinates": mesh.uv}
+    bad = [what for what, array in arrays.items() if array is not None and not np.isfinite(array).all()]
+    return f"{bad[0]} are not finite" if bad else None

@@ -1,0 +1,270 @@
+"""USD stages (.usd .usda .usdc .usdz): meshes, animated transforms, UsdPreviewSurface, distant, sphere and dome lights."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Ar, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+
+from ..errors import InputError
+from .description import (
+    Environment,
+    Light,
+    Mesh,
+    SceneDescription,
+    SceneObject,
+    Texture,
+    rotation_from_y_up,
+    validate_mesh,
+)
+from .images import decode_image, linear_texels
+from .usd_materials import MaterialReader
+
+
+def load_usd(file: Path) -> SceneDescription:
+    """Read a stage. Raises InputError naming the file and the prim."""
+    try:
+        stage = Usd.Stage.Open(str(file))
+    except Tf.ErrorException as error:
+        first = str(error).strip().splitlines()
+        raise InputError(f"not a USD stage: {first[-1].strip(' -')}", file=file) from None
+    try:
+        return _read_stage(stage, file)
+    except InputError as error:
+        if error.file is None:
+            raise InputError(error.problem, file=file, frame=error.frame, field=error.field) from None
+        raise
+
+
+def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
+    reader = MaterialReader()
+    meshes: dict[tuple, Mesh] = {}
+    objects: list[SceneObject] = []
+    prims: list[Usd.Prim] = []
+    not_read: list[str] = []
+    lights: list[Light] = []
+    environments: list[Environment] = []
+    rate = stage.GetTimeCodesPerSecond()
+    to_world = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        if not _is_drawn(prim):
+            continue
+        if prim.IsA(UsdGeom.Mesh):
+            for part in _mesh_parts(UsdGeom.Mesh(prim), reader, not_read):
+                mesh, material, key = part
+                index = list(meshes).index(key) if key in meshes else len(meshes)
+                meshes.setdefault(key, mesh)
+                moves = _is_animated(prim)
+                objects.append(SceneObject(name=mesh.name, mesh=index, material=material, moves=moves))
+                prims.append(prim)
+        elif prim.HasAPI(UsdLux.LightAPI):
+            matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
+            item = _read_light(prim, matrix, not_read)
+            if isinstance(item, Light):
+                lights.append(item)
+            elif isinstance(item, Environment):
+                environments.append(item)
+        elif prim.IsA(UsdSkel.Skeleton):
+            not_read.append(f"skinning by {prim.GetPath()}: the bind pose is drawn")
+        elif prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer):
+            not_read.append(f"{prim.GetTypeName()} {prim.GetPath()}")
+    not_read += [f"dome light {extra.name}: only one is drawn" for extra in environments[1:]]
+    layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath]
+    files = [file, *sorted({*layers, *reader.files} - {file.resolve(), file})]
+
+    def world_from_object(time_s: float) -> NDArray[np.float64]:
+        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
+        cache = UsdGeom.XformCache(Usd.TimeCode(time_s * rate))
+        matrices = [np.array(cache.GetLocalToWorldTransform(prim)).T for prim in prims]
+        return np.array(matrices).reshape(-1, 4, 4)
+
+    return SceneDescription(
+        name=file.stem,
+        files=tuple(files),
+        meshes=tuple(meshes.values()),
+        materials=tuple(reader.materials),
+        textures=tuple(reader.textures),
+        objects=tuple(objects),
+        lights=tuple(lights),
+        environment=environments[0] if environments else None,
+        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
+        metres_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
+        world_from_object=world_from_object,
+        animation_end_s=stage.GetEndTimeCode() / rate if stage.HasAuthoredTimeCodeRange() else 0.0,
+        not_read=tuple(not_read),
+    )
+
+
+def _is_drawn(prim: Usd.Prim) -> bool:
+    if prim.IsA(UsdGeom.Imageable):
+        imageable = UsdGeom.Imageable(prim)
+        if imageable.ComputeVisibility() == UsdGeom.Tokens.invisible:
+            return False
+        return imageable.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+    return bool(prim.IsActive())
+
+
+def _is_animated(prim: Usd.Prim) -> bool:
+    while prim and not prim.IsPseudoRoot():
+        xformable = UsdGeom.Xformable(prim)
+        if xformable and xformable.TransformMightBeTimeVarying():
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[str]):
+    """One (Mesh, material index, key) for each material subset and for the faces in none."""
+    prim = usd_mesh.GetPrim()
+    path = str(prim.GetPath())
+    shared = str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
+    counts = np.array(usd_mesh.GetFaceVertexCountsAttr().Get() or (), dtype=np.int64)
+    if not len(counts):
+        return
+    if usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none and len(counts) and (counts != 3).any():
+        not_read.append(f"subdivision of {path}: its control mesh is drawn")
+    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+    rest = np.ones(len(counts), dtype=bool)
+    selections: list[tuple[str, Usd.Prim, NDArray]] = []
+    for subset in subsets:
+        faces = np.array(subset.GetIndicesAttr().Get() or (), dtype=np.int64)
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(counts)):
+            raise InputError("subset names a face that the mesh has not", field=str(subset.GetPath()))
+        rest[faces] = False
+        selections.append((subset.GetPrim().GetName(), subset.GetPrim(), faces))
+    if rest.any():
+        selections.append(("", prim, np.flatnonzero(rest)))
+    for name, bound, faces in selections:
+        material = UsdShade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
+        index = reader.material_index(material if material else None)
+        uv_name = reader.uv_names.get(index, "st")
+        mesh = _triangles(usd_mesh, counts, faces, uv_name, f"{path}/{name}" if name else path)
+        yield mesh, index, (shared, name, uv_name)
+
+
+def _triangles(usd_mesh: UsdGeom.Mesh, counts: NDArray, faces: NDArray, uv_name: str, name: str) -> Mesh:
+    time = Usd.TimeCode.EarliestTime()
+    points = np.array(usd_mesh.GetPointsAttr().Get(time) or (), dtype=np.float32).reshape(-1, 3)
+    indices = np.array(usd_mesh.GetFaceVertexIndicesAttr().Get(time) or (), dtype=np.int64)
+    if counts.min() < 0 or counts.sum() != len(indices):
+        raise InputError(f"face counts ask for {counts.sum()} indices, there are {len(indices)}", field=name)
+    if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
+        raise InputError(f"face index {indices.max()} with only {len(points)} points", field=name)
+    corner, face = _fan(counts, faces)
+    if usd_mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+        corner, face = corner[:, ::-1], face[:, ::-1]
+    api = UsdGeom.PrimvarsAPI(usd_mesh)
+    normals = _primvar(api.GetPrimvar("normals"), corner, face, indices, 3, name)
+    if normals is None and usd_mesh.GetNormalsAttr().Get(time):
+        values = np.array(usd_mesh.GetNormalsAttr().Get(time), dtype=np.float32)
+        normals = _interpolated(values, str(usd_mesh.GetNormalsInterpolation()), corner, face, indices, name)
+    uv = _primvar(api.GetPrimvar(uv_name), corner, face, indices, 2, name)
+    smooth = normals is None and usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none
+    positions = points[indices[corner]]
+    if smooth:
+        normals = _vertex_normals(points, indices[corner])[indices[corner]]
+    mesh = _indexed(name, positions, normals, uv)
+    problem = validate_mesh(mesh)
+    if problem:
+        raise InputError(problem, field=name)
+    return mesh
+
+
+def _fan(counts: NDArray, faces: NDArray) -> tuple[NDArray, NDArray]:
+    """Corner indices [T, 3] of fan triangles of the chosen faces, and the face [T, 3] each corner belongs to."""
+    starts = np.concatenate([[0], np.cumsum(counts)])[faces]
+    inner = np.maximum(counts[faces] - 2, 0)
+    start, face = np.repeat(starts, inner), np.repeat(faces, inner)
+    step = np.arange(len(start)) - np.repeat(np.cumsum(inner) - inner, inner)
+    return np.stack([start, start + step + 1, start + step + 2], axis=1), np.stack([face] * 3, axis=1)
+
+
+def _primvar(primvar: UsdGeom.Primvar, corner: NDArray, face: NDArray, indices: NDArray, width: int, name: str):
+    if not primvar or not primvar.HasValue():
+        return None
+    values = np.array(primvar.ComputeFlattened(Usd.TimeCode.EarliestTime()), dtype=np.float32).reshape(-1, width)
+    return _interpolated(values, str(primvar.GetInterpolation()), corner, face, indices, name)
+
+
+def _interpolated(values: NDArray, interpolation: str, corner: NDArray, face: NDArray, indices: NDArray, name: str):
+    """Values [T, 3, k] at each corner."""
+    lookup = {
+        "constant": np.zeros_like(corner),
+        "uniform": face,
+        "vertex": indices[corner],
+        "varying": indices[corner],
+        "faceVarying": corner,
+    }[interpolation]
+    if lookup.size and lookup.max() >= len(values):
+        raise InputError(f"{interpolation} primvar has {len(values)} values, {lookup.max() + 1} are needed", field=name)
+    return values[lookup]
+
+
+def _vertex_normals(points: NDArray, triangles: NDArray) -> NDArray:
+    """Area-weighted normals [V, 3]."""
+    a, b, c = (points[triangles[:, k]].astype(float) for k in range(3))
+    weighted = np.cross(b - a, c - a)
+    sums = np.zeros((len(points), 3))
+    for k in range(3):
+        np.add.at(sums, triangles[:, k], weighted)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return (sums / np.where(lengths > 0, lengths, 1)).astype(np.float32)
+
+
+def _indexed(name: str, positions: NDArray, normals: NDArray | None, uv: NDArray | None) -> Mesh:
+    """A mesh from corner values [T, 3, k], with equal corners merged."""
+    parts = [array.reshape(-1, array.shape[-1]) for array in (positions, normals, uv) if array is not None]
+    corners = np.ascontiguousarray(np.concatenate(parts, axis=1))
+    unique, inverse = np.unique(corners, axis=0, return_inverse=True) if len(corners) else (corners, np.zeros(0, int))
+    columns = iter(np.split(unique, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1))
+    return Mesh(
+        name=name,
+        positions=np.ascontiguousarray(next(columns)),
+        normals=np.ascontiguousarray(next(columns)) if normals is not None else None,
+        uv=np.ascontiguousarray(next(columns)) if uv is not None else None,
+        faces=inverse.reshape(-1, 3).astype(np.uint32),
+    )
+
+
+def _read_light(prim: Usd.Prim, matrix: NDArray, not_read: list[str]) -> Light | Environment | None:
+    light, path = UsdLux.LightAPI(prim), str(prim.GetPath())
+    strength = light.GetIntensityAttr().Get() * 2.0 ** light.GetExposureAttr().Get()
+    color = np.array(light.GetColorAttr().Get(), dtype=float)
+    if light.GetEnableColorTemperatureAttr().Get():
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(light.GetColorTemperatureAttr().Get()))
+    normalize = light.GetNormalizeAttr().Get()
+    if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
+        return _read_dome(prim, matrix, strength * color)
+    if prim.IsA(UsdLux.DistantLight):
+        half_angle = math.radians(UsdLux.DistantLight(prim).GetAngleAttr().Get()) / 2
+        extent = 1.0 if normalize or half_angle == 0 else math.pi * math.sin(half_angle) ** 2
+        direction = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        return Light(name=path, kind="directional", radiance=tuple(strength * extent * color), direction=tuple(direction))
+    if prim.IsA(UsdLux.SphereLight):
+        radius = UsdLux.SphereLight(prim).GetRadiusAttr().Get() * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
+        intensity = strength / 4 if normalize else strength * math.pi * radius**2
+        not_read.append(f"radius of sphere light {path}: it shines as a point")
+        return Light(name=path, kind="point", radiance=tuple(intensity * color), position=tuple(matrix[:3, 3]))
+    not_read.append(f"{prim.GetTypeName()} {path}")
+    return None
+
+
+def _read_dome(prim: Usd.Prim, matrix: NDArray, radiance: NDArray) -> Environment:
+    asset = UsdLux.LightAPI(prim).GetInput("texture:file").Get()
+    texels = np.ones((1, 2, 3), dtype=np.float32)
+    if asset is not None and asset.path:
+        opened = asset.resolvedPath and Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath))
+        if not opened:
+            raise InputError(f"missing texture {asset.path}", field=str(prim.GetPath()))
+        decoded = decode_image(bytes(opened.GetBuffer()), asset.path)
+        texels = linear_texels(Texture(name=asset.path, texels=decoded, srgb=decoded.dtype == np.uint8))[..., :3]
+    rotation = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+    environment = Environment(
+        name=str(prim.GetPath()), texels=(texels * radiance).astype(np.float32), world_from_environment=rotation
+    )
+    is_z_pole = prim.IsA(UsdLux.DomeLight_1) and UsdGeom.GetStageUpAxis(prim.GetStage()) == UsdGeom.Tokens.z
+    if is_z_pole:
+        environment = replace(environment, world_from_environment=rotation @ rotation_from_y_up("Z"))
+    return environment

@@ -1,0 +1,216 @@
+"""UsdPreviewSurface networks into materials and textures."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from numpy.typing import NDArray
+from pxr import Ar, UsdShade
+
+from ..errors import InputError
+from .description import IDENTITY_UV, Material, Slot, Texture
+from .images import decode_image, pack_channels
+
+COMPONENT = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": 0, "rgba": 0}
+WRAP = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "useMetadata": "repeat"}
+# UsdPreviewSurface inputs without counterpart, and the value at which they do nothing.
+NOT_READ = {"clearcoat": 0.0, "displacement": 0.0}
+DEFAULTS = {
+    "diffuseColor": (0.18, 0.18, 0.18),
+    "emissiveColor": (0.0, 0.0, 0.0),
+    "specularColor": (0.0, 0.0, 0.0),
+    "useSpecularWorkflow": 0,
+    "metallic": 0.0,
+    "roughness": 0.5,
+    "opacity": 1.0,
+    "opacityThreshold": 0.0,
+    "ior": 1.5,
+    "clearcoat": 0.0,
+    "displacement": 0.0,
+}
+
+
+class MaterialReader:
+    """Reads materials of one stage, each image once; `materials`, `textures` and `files` grow as prims ask for them."""
+
+    def __init__(self) -> None:
+        self.materials: list[Material] = []
+        self.textures: list[Texture] = []
+        self.files: list[Path] = []
+        self.uv_names: dict[int, str] = {}
+        self._index_by_path: dict[str, int] = {}
+        self._texels: dict[str, NDArray] = {}
+        self._known: list[Texture] = []
+
+    def material_index(self, material: UsdShade.Material | None) -> int:
+        """Index of `material` (None: the default grey), read at the first call."""
+        path = str(material.GetPath()) if material else ""
+        if path not in self._index_by_path:
+            self._index_by_path[path] = len(self.materials)
+            self.materials.append(self._read(material, len(self.materials)) if material else Material(name="default"))
+        return self._index_by_path[path]
+
+    def _read(self, usd_material: UsdShade.Material, index: int) -> Material:
+        name = str(usd_material.GetPath())
+        shader = usd_material.ComputeSurfaceSource()[0]
+        if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
+            kind = shader.GetIdAttr().Get() if shader else "no surface"
+            return Material(name=name, not_read=(f"shader {kind}",))
+        value = {key: _value(shader, key) for key in DEFAULTS}
+        sampled = {key: self._texture(shader, key) for key in ("diffuseColor", "emissiveColor", "normal")}
+        scalars = {key: self._texture(shader, key) for key in ("roughness", "metallic", "opacity")}
+        reader = next((t for t in (*sampled.values(), *scalars.values()) if t), None)
+        if reader:
+            self.uv_names[index] = reader[2]
+        not_read = [key for key, neutral in NOT_READ.items() if value[key] != neutral or self._connected(shader, key)]
+        if value["useSpecularWorkflow"]:
+            not_read.append("specular workflow")
+        base = self._base_slot(name, sampled["diffuseColor"], scalars["opacity"])
+        threshold = float(value["opacityThreshold"])
+        transparent = scalars["opacity"] is not None or value["opacity"] < 1
+        return Material(
+            name=name,
+            base_color=_ones_if(sampled["diffuseColor"], tuple(value["diffuseColor"])),
+            opacity=1.0 if scalars["opacity"] else float(value["opacity"]),
+            roughness=1.0 if scalars["roughness"] else float(value["roughness"]),
+            metallic=1.0 if scalars["metallic"] else float(value["metallic"]),
+            specular=((value["ior"] - 1) / (value["ior"] + 1)) ** 2 / 0.08,
+            emission=_ones_if(sampled["emissiveColor"], tuple(value["emissiveColor"])),
+            alpha="mask" if threshold > 0 and transparent else "blend" if transparent else "opaque",
+            alpha_cutoff=threshold or 0.5,
+            base_texture=base,
+            surface_texture=self._surface_slot(name, scalars["roughness"], scalars["metallic"]),
+            normal_texture=self._slot(sampled["normal"]),
+            emission_texture=self._slot(sampled["emissiveColor"]),
+            not_read=tuple(not_read),
+        )
+
+    def _base_slot(self, name: str, color: "Read | None", opacity: "Read | None") -> Slot | None:
+        if opacity is None:
+            return self._slot(color)
+        texture, component, _, uv = opacity
+        white = {k: (replace(texture, scale=(0,) * 4, bias=(1,) * 4), 0) for k in range(3)}
+        rgb = {k: (color[0], k) for k in range(3)} if color else white
+        packed = pack_channels(f"{name} base", {**rgb, 3: (texture, component)})
+        return self._slot((replace(packed, srgb=bool(color) and color[0].srgb), 0, "", color[3] if color else uv))
+
+    def _surface_slot(self, name: str, roughness: "Read | None", metallic: "Read | None") -> Slot | None:
+        parts = {k: (read[0], read[1]) for k, read in ((1, roughness), (2, metallic)) if read}
+        if not parts:
+            return None
+        packed = pack_channels(f"{name} surface", parts)
+        packed = replace(  # what is not sampled multiplies by 1
+            packed,
+            scale=tuple(packed.scale[k] if k in parts else 0.0 for k in range(4)),
+            bias=tuple(packed.bias[k] if k in parts else 1.0 for k in range(4)),
+        )
+        return self._slot((self._deduplicated(packed), 0, "", (roughness or metallic)[3]))
+
+    def _slot(self, read: "Read | None") -> Slot | None:
+        if read is None:
+            return None
+        texture, _, _, uv = read
+        known = [other is texture for other in self.textures]
+        if True not in known:
+            self.textures.append(texture)
+            known.append(True)
+        return Slot(texture=known.index(True), uv=uv)
+
+    @staticmethod
+    def _connected(shader: UsdShade.Shader, key: str) -> bool:
+        attribute = shader.GetInput(key)
+        return bool(attribute and attribute.HasConnectedSource())
+
+    def _texture(self, shader: UsdShade.Shader, key: str) -> "Read | None":
+        """(texture, component, name of the uv primvar, uv transform) behind an input, or None where it is a value."""
+        source = _source(shader, key)
+        if source is None:
+            return None
+        texture_shader, output = source
+        if texture_shader.GetIdAttr().Get() != "UsdUVTexture":
+            return None
+        asset = _value(texture_shader, "file")
+        field = f"{shader.GetPath().GetParentPath()}.{key}"
+        if asset is None or not asset.path:
+            raise InputError("texture without a file", field=field)
+        texels = self._read_texels(asset, field)
+        is_color = key in ("diffuseColor", "emissiveColor")
+        space = _value(texture_shader, "sourceColorSpace") or "auto"
+        ones, zeros = (1.0,) * 4, (0.0,) * 4
+        texture = Texture(
+            name=asset.path,
+            texels=texels,
+            srgb=space == "sRGB" or (space == "auto" and is_color and texels.dtype.itemsize == 1),
+            wrap=tuple(WRAP[_value(texture_shader, w) or "useMetadata"] for w in ("wrapS", "wrapT")),
+            scale=tuple(_value(texture_shader, "scale") or ones),
+            bias=tuple(_value(texture_shader, "bias") or zeros),
+        )
+        uv_name, uv = _uv_source(texture_shader)
+        return self._deduplicated(texture), COMPONENT.get(output, 0), uv_name, uv
+
+    def _deduplicated(self, texture: Texture) -> Texture:
+        for other in self._known:
+            if other.texels is texture.texels and _settings(other) == _settings(texture):
+                return other
+        self._known.append(texture)
+        return texture
+
+    def _read_texels(self, asset, field: str):
+        resolved = asset.resolvedPath
+        if not resolved:
+            raise InputError(f"missing texture {asset.path}", field=field)
+        if resolved not in self._texels:
+            opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
+            if opened is None:
+                raise InputError(f"missing texture {asset.path}", field=field)
+            self._texels[resolved] = decode_image(bytes(opened.GetBuffer()), asset.path)
+            if "[" not in resolved:
+                self.files.append(Path(resolved))
+        return self._texels[resolved]
+
+
+Read = tuple[Texture, int, str, tuple]
+
+
+def _settings(texture: Texture) -> tuple:
+    return texture.srgb, texture.wrap, texture.scale, texture.bias
+
+
+def _ones_if(read: Read | None, value: tuple) -> tuple:
+    return (1.0, 1.0, 1.0) if read else value
+
+
+def _source(shader: UsdShade.Shader, key: str) -> tuple[UsdShade.Shader, str] | None:
+    """The shader that drives an input, through node graphs, and the name of its output."""
+    attribute = shader.GetInput(key)
+    for producer in attribute.GetValueProducingAttributes() if attribute else ():
+        if UsdShade.Utils.GetType(producer.GetName()) == UsdShade.AttributeType.Output:
+            return UsdShade.Shader(producer.GetPrim()), UsdShade.Utils.GetBaseNameAndType(producer.GetName())[0]
+    return None
+
+
+def _value(shader: UsdShade.Shader, key: str):
+    attribute = shader.GetInput(key)
+    if attribute:
+        for producer in attribute.GetValueProducingAttributes():
+            value = producer.Get()
+            if value is not None:
+                return value
+        if attribute.Get() is not None:
+            return attribute.Get()
+    return DEFAULTS.get(key)
+
+
+def _uv_source(texture_shader: UsdShade.Shader) -> tuple[str, tuple]:
+    """Name of the primvar that gives uv, and the 2x3 matrix of a UsdTransform2d before it."""
+    uv = IDENTITY_UV
+    source = _source(texture_shader, "st")
+    while source and source[0].GetIdAttr().Get() == "UsdTransform2d":
+        node = source[0]
+        scale, shift = _value(node, "scale") or (1, 1), _value(node, "translation") or (0, 0)
+        angle = math.radians(_value(node, "rotation") or 0)
+        c, s = math.cos(angle), math.sin(angle)
+        uv = ((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1]))
+        source = _source(node, "in")
+    name = _value(source[0], "varname") if source else None
+    return str(name or "st"), uv
