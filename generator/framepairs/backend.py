@@ -94,6 +94,12 @@ def activate(choice: Choice = "auto") -> str:
     import mitsuba
 
     mitsuba.set_variant(VARIANTS[machine.chosen])
+    if machine.chosen == "llvm":
+        # Packet gathers are chosen by the memory's alignment, which varies from frame to frame: each alignment would
+        # compile the kernel anew (0.9 to 2.4 s here), and the single gathers are as fast on LLVM.
+        import drjit
+
+        drjit.set_flag(drjit.JitFlag.PacketOps, False)
     return machine.chosen
 
 

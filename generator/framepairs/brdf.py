@@ -4,7 +4,6 @@ Model `separable_smith`: Lambert (1 - m) c / pi plus GGX, Schlick's Fresnel and 
 G1, alpha = roughness^2. Equation 4's denominator is read as 4 (n.o)(n.i).
 """
 
-import math
 from functools import lru_cache
 
 from .backend import dr, mi
@@ -63,34 +62,38 @@ def brdf_table(size: int = 512, samples: int = 1024) -> mi.TensorXf:
     index = dr.arange(mi.UInt32, size * size)
     cos_v = dr.maximum(dr.square(mi.Float(index % size) / (size - 1)), 1e-4)
     alpha = alpha_of(mi.Float(index // size) / (size - 1))
-    view = mi.Vector3f(dr.sqrt(dr.maximum(1 - dr.square(cos_v), 0)), 0, cos_v)
-    count = dr.opaque(mi.UInt32, samples)
-
-    @dr.syntax
-    def integrate(cos_v, alpha, view, count):
-        k, a, b = mi.UInt32(0), mi.Float(0), mi.Float(0)
-        while k < count:
-            first = (mi.Float(k) + 0.5) / mi.Float(count)
-            second = mi.Float(dr.brev(k) >> 8) * (1 / 2**24)
-            cos_h = dr.sqrt((1 - first) / (1 + (dr.square(alpha) - 1) * first))
-            sin_h, phi = dr.sqrt(dr.maximum(1 - dr.square(cos_h), 0)), 2 * dr.pi * second
-            half = mi.Vector3f(sin_h * dr.cos(phi), sin_h * dr.sin(phi), cos_h)
-            v_h = dr.dot(view, half)
-            cos_l = 2 * v_h * cos_h - cos_v
-            weight = smith(cos_l, alpha) * smith(cos_v, alpha) * v_h / (cos_h * cos_v)
-            weight = dr.select((cos_l > 0) & (v_h > 0), weight, 0)
-            fresnel = _fifth(1 - v_h)
-            a += weight * (1 - fresnel)
-            b += weight * fresnel
-            k += 1
-        return a, b
-
-    a, b = integrate(cos_v, alpha, view, count)
+    a, b = _integrate(cos_v, alpha, dr.opaque(mi.UInt32, samples))
     norm = dr.maximum(a + b, samples)  # the model loses energy only; the estimate may gain some 2e-4 at alpha 0.001
     values = dr.zeros(mi.Float, 2 * size * size)
     dr.scatter(values, a / norm, 2 * index)
     dr.scatter(values, b / norm, 2 * index + 1)
     return mi.TensorXf(values, (size, size, 2))
+
+
+@dr.syntax
+def _integrate(cos_v: mi.Float, alpha: mi.Float, count: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+    """Sums over the samples of A and B."""
+    view = mi.Vector3f(dr.sqrt(dr.maximum(1 - dr.square(cos_v), 0)), 0, cos_v)
+    k, a, b = mi.UInt32(0), mi.Float(0), mi.Float(0)
+    while k < count:
+        half = ggx_half_vector(k, count, alpha)
+        v_h = dr.dot(view, half)
+        cos_l = 2 * v_h * half.z - cos_v
+        weight = smith(cos_l, alpha) * smith(cos_v, alpha) * v_h / (half.z * cos_v)
+        weight = dr.select((cos_l > 0) & (v_h > 0), weight, 0)
+        fresnel = _fifth(1 - v_h)
+        a += weight * (1 - fresnel)
+        b += weight * fresnel
+        k += 1
+    return a, b
+
+
+def ggx_half_vector(k: mi.UInt32, count: mi.UInt32, alpha: mi.Float) -> mi.Vector3f:
+    """Hammersley sample `k` of `count` of the half vector around z, with density D(h) cos(h)."""
+    first, second = (mi.Float(k) + 0.5) / mi.Float(count), mi.Float(dr.brev(k) >> 8) * (1 / 2**24)
+    cosine = dr.sqrt((1 - first) / (1 + (dr.square(alpha) - 1) * first))
+    sine, phi = dr.sqrt(dr.maximum(1 - dr.square(cosine), 0)), 2 * dr.pi * second
+    return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), cosine)
 
 
 def look_up(table: mi.TensorXf, cos_v: mi.Float, roughness: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
@@ -120,10 +123,6 @@ def _fifth(x):
     return squared * squared * x
 
 
-def smooth_anchor(cos_v: float) -> tuple[float, float]:
-    """The exact A and B as alpha goes to 0: 1 - (1 - n.v)^5 and (1 - n.v)^5."""
-    bias = (1 - cos_v) ** 5
-    return 1 - bias, bias
-
-
-ROUGH_NORMAL_ANCHOR = 1 - math.log(2)  # A + B at alpha = 1, n.v = 1
+def _fifth(x: mi.Float) -> mi.Float:
+    squared = dr.square(x)
+    return squared * squared * x

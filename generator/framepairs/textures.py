@@ -7,7 +7,6 @@ the derivatives of uv per pixel, plus the stream's bias, and is filtered triline
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image
 
 from .backend import dr, mi
 from .scene.description import Texture
@@ -53,13 +52,25 @@ def build_textures(textures: tuple[Texture, ...]) -> TextureTable:
 
 def mip_pyramid(texture: Texture) -> list[np.ndarray]:
     """Levels [h, w, 4] float32 linear, from the full image down to 1 x 1; sizes are halved and rounded down."""
-    planes = [Image.fromarray(plane) for plane in np.ascontiguousarray(np.moveaxis(linear_texels(texture), 2, 0))]
-    levels = [planes]
-    while max(planes[0].size) > 1:
-        size = tuple(max(1, extent // 2) for extent in planes[0].size)
-        planes = [plane.resize(size, Image.Resampling.BOX) for plane in planes]  # mean over the area of each new texel
-        levels.append(planes)
-    return [np.stack([np.asarray(plane) for plane in level], axis=-1) for level in levels]
+    levels = [linear_texels(texture)]
+    while max(levels[-1].shape[:2]) > 1:
+        levels.append(_halved(_halved(levels[-1], 0), 1))
+    return levels
+
+
+def _halved(texels: np.ndarray, axis: int) -> np.ndarray:
+    """Means over equal parts of an axis, half as many rounded down; an odd axis gives three weights to each part."""
+    x = np.moveaxis(texels, axis, 0)
+    size = len(x)
+    half = size // 2
+    if size == 1:
+        return texels
+    if size % 2 == 0:
+        mean = (x[0::2] + x[1::2]) * np.float32(0.5)
+    else:
+        part = np.arange(half, dtype=np.float32).reshape(-1, *[1] * (x.ndim - 1))
+        mean = ((half - part) * x[0:-1:2] + half * x[1::2] + (part + 1) * x[2::2]) / np.float32(size)
+    return np.moveaxis(mean, 0, axis)
 
 
 def sample_texture(
@@ -91,6 +102,12 @@ def sample_level(
     fine = _bilinear(table, first + below, uv, wrap, active)
     coarse = _bilinear(table, first + dr.minimum(below + 1, last), uv, wrap, active)
     return dr.lerp(fine, coarse, level - mi.Float(below))
+
+
+def sample_finest(table: TextureTable, texture: mi.UInt32, uv: mi.Point2f, active: mi.Bool) -> mi.Vector4f:
+    """RGBA at `uv`, bilinear at level 0."""
+    first = dr.gather(mi.UInt32, table.first_level, texture, active)
+    return _bilinear(table, first, uv, dr.gather(mi.UInt32, table.wrap, texture, active), active)
 
 
 def _bilinear(table: TextureTable, level: mi.UInt32, uv: mi.Point2f, wrap: mi.UInt32, active: mi.Bool) -> mi.Vector4f:

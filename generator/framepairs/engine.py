@@ -1,0 +1,184 @@
+"""Renders one FrameState into arrays: one kernel per stream for everything that is one sample, one for what is averaged."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .backend import dr, mi
+from .brdf import brdf_table
+from .channels import MOTION_CHANNELS
+from .conventions import Stream
+from .frame import FrameState
+from .gbuffer import GBuffer, Pixel, gbuffer, pixel_of
+from .geometry import Pose
+from .jitter import antialiasing_positions, jitter
+from .motion import Before, Motion, motion_of
+from .path_tracing import PathTracer, path_color
+from .plan import RenderPlan, jitter_length
+from .projection import View, view_of
+from .radiance import Lights, Radiance, build_shading, lights_around, shade
+from .scene.description import SceneDescription
+
+AVERAGED = ("color", "emission", "brdf", "transparency")
+
+
+@dataclass(frozen=True)
+class StreamFrame:
+    """One stream of one frame: channel name to array [height, width, components] (float32 or uint32); J in pixels."""
+
+    stream: Stream
+    jitter: tuple[float, float]
+    arrays: dict[str, NDArray]
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """A frame on the device: now and before, everything that its streams share."""
+
+    pose: Pose
+    view: View
+    previous_pose: Pose
+    previous_view: View
+    moves_on: mi.Bool
+    lights: Lights
+
+
+class Engine:
+    """A scene on the device, ready to render any of its frames.
+
+    passes counts how often each pass was run, so that a test can prove that an unneeded one never was.
+    """
+
+    def __init__(self, scene: SceneDescription, plan: RenderPlan):
+        self.scene, self.plan = scene, plan
+        self.table = brdf_table(plan.brdf_table)
+        self.shading = build_shading(scene, self.table)
+        self.path_tracer = PathTracer(scene, plan) if plan.shading == "path" else None
+        self.passes: dict[str, int] = {"gbuffer": 0, "motion": 0, "dual_motion": 0, "radiance": 0, "path": 0}
+
+    def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
+        """The `channels` of one stream of one frame. `sequence_seed` decides the light paths of `path` shading."""
+        pose, previous_pose = self.shading.geometry.pose(frame)
+        moment = _Moment(
+            pose=pose,
+            view=view_of(frame.camera, frame.render_origin),
+            previous_pose=previous_pose,
+            previous_view=view_of(frame.previous_camera, frame.render_origin),
+            moves_on=dr.opaque(mi.Bool, not frame.reset),
+            lights=lights_around(self.scene, frame.render_origin),
+        )
+        length = jitter_length(self.plan, stream.scale)
+        offset = jitter(frame.frame, length) if stream.jittered else (0.0, 0.0)
+        columns = self._single_sample(moment, stream, offset, channels)
+        if stream.samples > 1 and channels & set(AVERAGED):
+            columns |= self._averaged(moment, stream)
+        if self.path_tracer and "color" in channels:
+            self.passes["path"] += 1
+            columns["color"] = path_color(self.path_tracer, frame, moment.view, stream, offset, sequence_seed)
+        columns = {name: value for name, value in columns.items() if name in channels}
+        dr.eval(columns)
+        return StreamFrame(stream, offset, {name: _to_array(value, stream.size) for name, value in columns.items()})
+
+    def _single_sample(self, moment: _Moment, stream: Stream, offset: tuple[float, float], channels: frozenset[str]) -> dict:
+        """Lazily, every channel from one sample per pixel at centre - J."""
+        size, pixel = _size_and_pixel(moment.view, stream)
+        i, j = _pixel_indices(stream)
+        x = (i + 0.5 - dr.opaque(mi.Float, offset[0])) / size[0]
+        y = (j + 0.5 - dr.opaque(mi.Float, offset[1])) / size[1]
+        shading = self.shading
+        self.passes["gbuffer"] += 1
+        sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
+        columns = _gbuffer_columns(sample, mi.UInt32(i))
+        if channels & set(MOTION_CHANNELS):
+            columns |= self._motion_columns(moment, stream, sample, x, y, size, pixel, channels)
+        if stream.samples == 1 and channels & set(AVERAGED):
+            self.passes["radiance"] += 1
+            columns |= _radiance_columns(
+                shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample), mi.UInt32(i)
+            )
+        return columns
+
+    def _motion_columns(self, moment, stream, sample: GBuffer, x, y, size, pixel: Pixel, channels) -> dict:
+        occlusion = bool(channels & {"dual_motion", "visibility"})
+        self.passes["motion"] += 1
+        self.passes["dual_motion"] += occlusion
+        before = Before(
+            pose=moment.previous_pose,
+            view=moment.previous_view,
+            pixel=pixel_of(moment.previous_view, size, pixel.bias),
+            exists=moment.moves_on,
+        )
+        shading = self.shading
+        moved: Motion = motion_of(
+            shading.geometry, shading.materials, moment.pose, moment.view, before, sample, x, y, size, occlusion
+        )
+        return {"motion": moved.motion, "dual_motion": moved.dual_motion, "visibility": moved.visibility}
+
+    @dr.syntax
+    def _averaged(self, moment: _Moment, stream: Stream) -> dict:
+        """Colour, emission, F_beta and transparency as means over the stream's AA samples; the loop keeps their order."""
+        self.passes["radiance"] += 1
+        size, pixel = _size_and_pixel(moment.view, stream)
+        i, j = _pixel_indices(stream)
+        positions = mi.Float(np.array(antialiasing_positions(stream.samples), dtype=np.float32).ravel())
+        count = dr.opaque(mi.UInt32, stream.samples)
+        k = mi.UInt32(0)
+        color, emission, f_beta = mi.Color3f(0), mi.Color3f(0), mi.Color3f(0)
+        transparency = mi.Float(0)
+        shading = self.shading
+        while dr.hint(k < count, exclude=[self, shading, moment, pixel, size]):
+            place = dr.gather(mi.Point2f, positions, k)
+            x, y = (i + place.x) / size[0], (j + place.y) / size[1]
+            sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
+            drawn = shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample)
+            color += drawn.color
+            emission += drawn.emission
+            f_beta += drawn.f_beta
+            transparency += drawn.transparency
+            k += 1
+        n = mi.Float(count)
+        return _radiance_columns(Radiance(color / n, emission / n, f_beta / n, transparency / n), mi.UInt32(i))
+
+
+def _size_and_pixel(view: View, stream: Stream) -> tuple[tuple[mi.Float, mi.Float], Pixel]:
+    size = tuple(dr.opaque(mi.Float, float(extent)) for extent in stream.size)
+    return size, pixel_of(view, size, dr.opaque(mi.Float, stream.mip_bias))
+
+
+def _pixel_indices(stream: Stream) -> tuple[mi.Float, mi.Float]:
+    width, height = stream.size
+    index = dr.arange(mi.UInt32, width * height)
+    columns = dr.opaque(mi.UInt32, width)
+    return mi.Float(index % columns), mi.Float(index // columns)
+
+
+def _gbuffer_columns(sample: GBuffer, shape: mi.UInt32) -> dict:
+    valid, surface = sample.hit.valid, sample.surface
+    return {
+        "albedo": dr.select(valid, surface.base_color, 0),
+        "normal": sample.normal,
+        "depth": sample.depth,
+        "roughness": dr.select(valid, surface.roughness, 0),
+        "metallic": dr.select(valid, surface.metallic, 0),
+        "specular": dr.select(valid, surface.specular, 0),
+        "object_id": sample.object_id,
+        "overlay": mi.Float(shape) * 0,
+    }
+
+
+def _radiance_columns(drawn: Radiance, shape: mi.UInt32) -> dict:
+    return {
+        "color": drawn.color,
+        "emission": drawn.emission,
+        "brdf": drawn.f_beta,
+        "transparency": drawn.transparency + mi.Float(shape) * 0,
+    }
+
+
+def _to_array(value, size: tuple[int, int]) -> NDArray:
+    """[height, width, components], contiguous."""
+    width, height = size
+    array = np.array(value)
+    array = array.reshape(-1, height * width) if array.size > array.shape[0] or array.ndim == 2 else array.reshape(1, -1)
+    return np.ascontiguousarray(array.reshape(-1, height, width).transpose(1, 2, 0))
