@@ -2,8 +2,9 @@
 
 Dr.Jit's wheel brings no LLVM, and some libLLVM load and then abort the whole process at the first kernel (14 to 16 do).
 So every candidate is tried in a child process, newest first, with a kernel that needs the instruction that they lack,
-and the answer is remembered by path, size and modification time. The other modules write `from .backend import dr, mi`:
-looking up either name activates the default back end, unless `activate` was called before.
+and the answer is remembered by path, size and modification time. The other modules write `from .backend import dr, mi`
+(or `jit`: Dr.Jit's array types of the chosen back end): looking up such a name activates the default back end, unless
+`activate` was called before.
 """
 
 import json
@@ -104,14 +105,15 @@ def activate(choice: Choice = "auto") -> str:
 
 
 def __getattr__(name: str):
-    if name not in ("dr", "mi"):
+    if name not in ("dr", "mi", "jit"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if not _variant():
         activate(os.environ.get("FRAMEPAIRS_BACKEND", "auto"))
     import drjit
     import mitsuba
 
-    return {"dr": drjit, "mi": mitsuba}[name]
+    is_cuda = mitsuba.variant().startswith("cuda")
+    return {"dr": drjit, "mi": mitsuba, "jit": drjit.cuda.ad if is_cuda else drjit.llvm.ad}[name]
 
 
 def versions() -> dict[str, str]:

@@ -1,10 +1,14 @@
 """Reading a scene file into a SceneDescription."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError
-from .description import SceneDescription
+from .description import Environment, SceneDescription, Texture, default_environment, rotation_from_y_up
+from .images import linear_texels, read_image
 
 
 def load_scene(file: Path) -> SceneDescription:
@@ -21,6 +25,24 @@ def load_scene(file: Path) -> SceneDescription:
     if suffix in SUFFIXES:
         return load_triangles(file)
     raise InputError(f"unknown scene format {suffix!r}: .usd .usda .usdc .usdz {' '.join(SUFFIXES)} are read", file=file)
+
+
+def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[SceneDescription, str | None]:
+    """The scene with an environment, and what lights it: the file's name, 'default', or None for its own light.
+
+    `environment` replaces the scene's own. A scene without lights and environment gets the default one; one with lights
+    alone a black sky.
+    """
+    if environment is not None:
+        texels = linear_texels(Texture(name=environment.name, texels=read_image(environment), srgb=True))
+        rotation = rotation_from_y_up(scene.up_axis)
+        sky = Environment(name=environment.name, texels=texels[..., :3], world_from_environment=rotation)
+        return replace(scene, environment=sky, files=(*scene.files, environment)), str(environment)
+    if scene.environment is not None:
+        return scene, None
+    if scene.lights:
+        return replace(scene, environment=Environment(name="black", texels=np.zeros((1, 2, 3), np.float32))), None
+    return replace(scene, environment=default_environment(scene.up_axis)), "default"
 
 
 def scene_hash(scene: SceneDescription) -> str:

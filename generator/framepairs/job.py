@@ -1,0 +1,183 @@
+"""One sequence to render into a corpus: what it needs, the key of its frames, and its entry in corpus.json."""
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+
+from .backend import mi, versions
+from .brdf import brdf_table
+from .camera_path import CameraPath
+from .channels import CHANNELS, Channel
+from .conventions import CONVENTIONS, Stream
+from .errors import InputError
+from .exr import encode
+from .frame import Shoot
+from .manifest import (
+    Constant,
+    CorpusManifest,
+    SequenceRecord,
+    TableRecord,
+    frame_key,
+    from_json,
+    make_folder,
+    to_json,
+    write_atomically,
+)
+from .plan import STREAM_KEYS, RenderPlan, jitter_length, plan_streams
+from .scene import scene_hash
+from .scene.description import SceneDescription
+from .scene.needs import Need, channel_needs
+
+EVERYWHERE = ("motion", "visibility")  # channels whose constant holds in the background too
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One sequence to render. scene must be lit (`light_scene`); the names are what the manifest says."""
+
+    scene: SceneDescription
+    scene_name: str
+    environment: str | None
+    path: CameraPath
+    path_name: str
+    plan: RenderPlan
+    out: Path
+
+    @cached_property
+    def shoot(self) -> Shoot:
+        return Shoot(self.scene, self.path, self.plan.display[0] / self.plan.display[1])
+
+    @cached_property
+    def sequence(self) -> str:
+        return f"{Path(self.scene_name).stem}_{Path(self.path_name).stem}"
+
+    @cached_property
+    def needs(self) -> dict[str, Need]:
+        return channel_needs(self.scene, self.shoot.samples)
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channels that become files."""
+        chosen = self.plan.channels
+        if chosen == "all":
+            return CHANNELS
+        if chosen == "needed":
+            return tuple(channel for channel in CHANNELS if self.needs[channel.name].needed)
+        return tuple(channel for channel in CHANNELS if channel.name in chosen)
+
+    @cached_property
+    def scene_sha256(self) -> str:
+        return scene_hash(self.scene)
+
+    def key(self, frame: int) -> str:
+        """Of everything that decides the frame's pixels: which streams and channels there are does not."""
+        plan = self.plan.model_dump(mode="json", exclude=set(STREAM_KEYS | {"channels"}))
+        return frame_key(
+            {
+                "plan": plan,
+                "scene": self.scene_sha256,
+                "environment": self.environment,
+                "camera_path": self.path.model_dump(mode="json"),
+                "sequence": self.sequence,
+                "frame": frame,
+                "versions": versions(),
+                "backend": mi.variant(),
+            }
+        )
+
+
+def open_corpus(job: Job, *, add_streams: bool = False) -> None:
+    """Write corpus.json, or check the one that is there and add the sequence to it.
+
+    Raises InputError for a corpus of another plan; with `add_streams`, scales and variants may grow.
+    """
+    file = job.out / "corpus.json"
+    sequences: dict[str, SequenceRecord] = {}
+    if file.is_file():
+        existing: CorpusManifest = from_json(CorpusManifest, file)
+        _refuse_other_plan(existing.plan, job.plan, file, add_streams)
+        sequences = dict(existing.sequences)
+    elif job.out.is_dir() and any(job.out.iterdir()):
+        raise InputError("is not empty and holds no corpus.json: choose another folder with --out", file=job.out)
+    make_folder(job.out)
+    known = sequences.get(job.sequence)
+    entry = _sequence_record(job)
+    if known is not None and known != entry:
+        differing = next(key for key in type(entry).model_fields if getattr(known, key) != getattr(entry, key))
+        raise InputError(f"sequence {job.sequence} is there with another {differing}", file=file, field=differing)
+    table = _write_table(job)
+    manifest = CorpusManifest(
+        plan=job.plan,
+        backend=mi.variant(),
+        versions=versions(),
+        conventions=CONVENTIONS,
+        channels=[_channel_row(channel) for channel in CHANNELS],
+        streams=[_stream_row(job.plan, stream) for stream in plan_streams(job.plan)],
+        brdf_table=table,
+        sequences={**sequences, job.sequence: entry},
+    )
+    write_atomically(file, to_json(manifest))
+
+
+def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool) -> None:
+    for key in RenderPlan.model_fields:
+        old, new = getattr(existing, key), getattr(wanted, key)
+        extends = add_streams and key in ("scales", "variants") and new[: len(old)] == old
+        if old != new and not extends:
+            raise InputError(f"the corpus has {key} = {old}, not {new}", file=file, field=f"plan.{key}")
+
+
+def _write_table(job: Job) -> TableRecord:
+    model = job.plan.brdf_model
+    channel = Channel(
+        name="brdf_table", exr=("A", "B"), dtype="float", unit="1", frame_of_reference="none", needed_by="",
+        meaning=f"{model}: specular albedo = F0 A + B; column x: n.v = (x / (size - 1))^2, row y: roughness = y / (size - 1)",
+    )
+    encoded = encode(channel, brdf_table(job.plan.brdf_table).numpy(), attributes={})
+    path = f"tables/brdf_{model}.exr"
+    write_atomically(job.out / path, encoded.data)
+    return TableRecord(model=model, path=path, sha256=encoded.sha256, axes=channel.meaning)
+
+
+def _sequence_record(job: Job) -> SequenceRecord:
+    written = {channel.name for channel in job.channels}
+    constants = {
+        name: Constant(
+            same_as=need.same_as,
+            everywhere=list(need.constant) if need.constant is not None and name in EVERYWHERE else None,
+            surface=list(need.constant) if need.constant is not None and name not in EVERYWHERE else None,
+        )
+        for name, need in job.needs.items()
+        if not need.needed and name not in written
+    }
+    return SequenceRecord(
+        scene=job.scene_name,
+        scene_sha256=job.scene_sha256,
+        environment=job.environment,
+        camera_path=job.path,
+        camera_path_name=job.path_name,
+        frames=len(job.shoot),
+        up_axis=job.scene.up_axis,
+        metres_per_unit=job.scene.metres_per_unit,
+        objects=[item.name for item in job.scene.objects],
+        channels=[channel.name for channel in job.channels],
+        constants=constants,
+    )
+
+
+def _channel_row(channel: Channel) -> dict:
+    row = asdict(channel)
+    if channel.background is not None:
+        row["background"] = ["inf" if value == float("inf") else float(value) for value in channel.background]
+    return row
+
+
+def _stream_row(plan: RenderPlan, stream: Stream) -> dict:
+    length = jitter_length(plan, stream.scale) if stream.jittered else None
+    sequence = "Halton(2, 3) from index 1, minus 0.5" if stream.jittered else None
+    return {
+        **asdict(stream),
+        "effective_scale": list(stream.effective_scale(plan.display)),
+        "jitter_length": length,
+        "jitter_sequence": sequence,
+    }

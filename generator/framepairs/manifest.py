@@ -1,0 +1,203 @@
+"""The JSON files of a corpus: their models, how they are written, and the key that says which pixels a frame has.
+
+`corpus.json` at the top, `<sequence>/sequence.json` rebuilt from the frame records, and `<sequence>/frames/<frame>.json`,
+written last, so that a frame that has one is whole. None holds a time stamp or a host name: two runs give equal bytes.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import rfc8785
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from .camera_path import CameraPath
+from .errors import InputError, MachineError
+from .plan import RenderPlan
+
+FORMAT_VERSION = 1
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CameraRecord(_Model):
+    """The camera of one frame, without jitter, now and one frame earlier."""
+
+    fov_y_rad: float = Field(description="vertical field of view, radians")
+    near: float = Field(description="scene units")
+    far: float = Field(description="scene units")
+    view_from_world: Matrix4 = Field(description="camera x right, y up, looking along -z")
+    clip_from_view: Matrix4 = Field(description="perspective, clip z in [-1, 1]")
+    previous_view_from_world: Matrix4 = Field(description="of the previous frame; the present one's on a reset")
+    previous_clip_from_view: Matrix4 = Field(description="of the previous frame; the present one's on a reset")
+
+
+class StreamRecord(_Model):
+    """One stream of one frame."""
+
+    size: tuple[int, int] = Field(description="width and height, pixels")
+    scale: tuple[float, float] = Field(description="display pixels per pixel, per axis, exactly")
+    jitter: tuple[float, float] = Field(description="J in pixels of this stream, y down: pixels sample centre - J")
+    mip_bias: float = Field(description="levels added to what the stream's own pixel asks for")
+    saturated: int = Field(description="values cut to the largest half float")
+
+
+class FileRecord(_Model):
+    """One file of one frame."""
+
+    path: str = Field(description="relative to the sequence's folder, with forward slashes")
+    sha256: Sha256
+    size: int = Field(description="bytes")
+
+
+class FrameRecord(_Model):
+    """`<sequence>/frames/<frame>.json`."""
+
+    frame: int
+    time_s: float = Field(description="seconds since the path began")
+    frame_time_ms: float = Field(description="milliseconds between frames")
+    reset: bool = Field(description="first frame of the path or of a shot: no history")
+    exposure_ev: float = Field(description="display = colour * 2^exposure_ev")
+    camera: CameraRecord
+    streams: dict[str, StreamRecord]
+    files: list[FileRecord]
+    key: Sha256 = Field(description="sha256 of everything that decides this frame's pixels")
+
+
+class FrameEntry(_Model):
+    """One frame in sequence.json."""
+
+    frame: int
+    time_s: float
+    reset: bool
+    key: Sha256
+
+
+class SequenceIndex(_Model):
+    """`<sequence>/sequence.json`."""
+
+    sequence: str
+    frames: list[FrameEntry] = Field(description="in order; those that are whole")
+    streams: list[str] = Field(description="streams that every frame has")
+    bytes: int = Field(description="of all files of all frames")
+
+
+class Constant(_Model):
+    """The value of a channel that is not in files: exactly one of the three."""
+
+    surface: list[float] | None = Field(None, description="its value on surfaces; the background has the channel's own")
+    everywhere: list[float] | None = Field(None, description="its value at each pixel; 0 on a reset")
+    same_as: str | None = Field(None, description="the channel that it equals")
+
+
+class SequenceRecord(_Model):
+    """One sequence in corpus.json."""
+
+    scene: str = Field(description="bundled name or file, as given")
+    scene_sha256: Sha256 = Field(description="over all files of the scene")
+    environment: str | None = Field(description="file that lights the scene, 'default', or null for the scene's own")
+    camera_path: CameraPath = Field(description="as sampled")
+    camera_path_name: str = Field(description="bundled name or file, as given, or 'orbit'")
+    frames: int = Field(description="frames of the whole path")
+    up_axis: Literal["X", "Y", "Z"]
+    metres_per_unit: float
+    objects: list[str] = Field(description="names; object_id is 1 + index")
+    channels: list[str] = Field(description="channels that are files")
+    constants: dict[str, Constant] = Field(description="channels that are not")
+    split: Literal["train", "val", "test"] = "train"
+
+
+class TableRecord(_Model):
+    """The A, B table of the BRDF model that shades."""
+
+    model: str
+    path: str
+    sha256: Sha256
+    axes: str
+
+
+class CorpusManifest(_Model):
+    """`corpus.json`."""
+
+    format: Literal["framepairs"] = "framepairs"
+    version: Literal[1] = 1
+    plan: RenderPlan
+    backend: str = Field(description="variant of Mitsuba that rendered")
+    versions: dict[str, str] = Field(description="of the packages that decide pixels and files")
+    conventions: dict[str, str]
+    channels: list[dict[str, Any]] = Field(description="the channel table")
+    streams: list[dict[str, Any]] = Field(description="the plan's streams, resolved")
+    brdf_table: TableRecord
+    sequences: dict[str, SequenceRecord]
+
+
+def to_json(model: BaseModel) -> bytes:
+    """Sorted keys and one indentation: equal models give equal bytes."""
+    values = model.model_dump(mode="json")
+    return (json.dumps(values, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def from_json(kind: type[BaseModel], file: Path):
+    """Read one of the models above. Raises InputError naming the file and the field."""
+    try:
+        return kind.model_validate_json(file.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or None
+        raise InputError(first["msg"], file=file, field=field) from None
+
+
+def frame_key(values: dict[str, Any]) -> str:
+    """sha256 of the canonical JSON (RFC 8785) of everything that decides a frame's pixels."""
+    return hashlib.sha256(rfc8785.dumps(values)).hexdigest()
+
+
+def write_atomically(file: Path, data: bytes) -> None:
+    """The file appears whole or not at all. Raises MachineError naming the file."""
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with open(temporary, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, file)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MachineError(f"{file}: cannot be written: {error.strerror}") from None
+
+
+def make_folder(folder: Path) -> None:
+    """A folder that can be written into. Raises InputError: an output folder is chosen by the user."""
+    probe = folder / f".probe.{os.getpid()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"cannot be written into: {error.strerror}", file=folder) from None
+
+
+def rebuild_sequence_index(folder: Path) -> SequenceIndex:
+    """Write sequence.json anew from the frame records of a sequence's folder."""
+    records = [from_json(FrameRecord, file) for file in sorted((folder / "frames").glob("*.json"))]
+    streams = [set(record.streams) for record in records]
+    index = SequenceIndex(
+        sequence=folder.name,
+        frames=[
+            FrameEntry(frame=record.frame, time_s=record.time_s, reset=record.reset, key=record.key)
+            for record in records
+        ],
+        streams=sorted(set.intersection(*streams)) if streams else [],
+        bytes=sum(file.size for record in records for file in record.files),
+    )
+    write_atomically(folder / "sequence.json", to_json(index))
+    return index

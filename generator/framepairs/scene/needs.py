@@ -1,0 +1,98 @@
+"""Which channels a scene seen along a path needs, decided before anything is rendered.
+
+A channel that is not needed is not rendered and not written: its value is a constant in the manifest, and readers give
+back the same arrays. The whole path counts, whatever part of it is rendered.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera_path import CameraSample
+from ..channels import CHANNELS
+from .description import Material, SceneDescription
+
+
+@dataclass(frozen=True, kw_only=True)
+class Need:
+    """Whether a channel is needed, and why. Where it is not: `constant` is its value on surfaces (everywhere, for motion
+    and visibility), or `same_as` names the channel that it equals."""
+
+    channel: str
+    needed: bool
+    why: str
+    constant: tuple[float, ...] | None = None
+    same_as: str | None = None
+
+
+def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> dict[str, Need]:
+    """One Need per channel of the table, in its order. `scene` has its environment already."""
+    found = {
+        **_material_needs(scene),
+        **_motion_needs(scene, samples),
+        "emission": _emission_need(scene),
+        "transparency": _layer_need("transparency", any(m.alpha == "blend" for m in scene.materials), "blended materials"),
+        "overlay": _layer_need("overlay", False, "overlays"),
+    }
+    always = {name: Need(channel=name, needed=True, why="every scene needs it") for name in (c.name for c in CHANNELS)}
+    return {name: found.get(name, need) for name, need in always.items()}
+
+
+def _material_needs(scene: SceneDescription) -> dict[str, Need]:
+    used = [scene.materials[index] for index in sorted({item.material for item in scene.objects})]
+    return {
+        "albedo": _value_need("albedo", scene, used, lambda m: m.base_color, "base_texture", (0, 1, 2)),
+        "specular": _value_need("specular", scene, used, lambda m: (m.specular,), "surface_texture", (0,)),
+        "roughness": _value_need("roughness", scene, used, lambda m: (m.roughness,), "surface_texture", (1,)),
+        "metallic": _value_need("metallic", scene, used, lambda m: (m.metallic,), "surface_texture", (2,)),
+    }
+
+
+def _value_need(channel: str, scene: SceneDescription, used: list[Material], value, slot: str, components) -> Need:
+    """Needed where materials differ, or where a texture varies one of `components` of a slot by a non-zero factor."""
+    values = sorted({tuple(float(np.clip(v, 0, 1)) for v in value(material)) for material in used})
+    if len(values) > 1:
+        return Need(channel=channel, needed=True, why=f"{len(values)} different values")
+    for material in used:
+        texture = getattr(material, slot) and scene.textures[getattr(material, slot).texture]
+        if texture and any(values[0]) and any(texture.scale[k] != 0 for k in components):
+            return Need(channel=channel, needed=True, why=f"textured in {material.name}")
+    constant = values[0] if values else (0.0,) * len(components)
+    return Need(channel=channel, needed=False, why="one value on all surfaces", constant=constant)
+
+
+def _emission_need(scene: SceneDescription) -> Need:
+    if scene.environment is not None and np.any(scene.environment.texels):
+        return Need(channel="emission", needed=True, why="the sky shines")
+    if any(any(material.emission) for material in scene.materials):
+        return Need(channel="emission", needed=True, why="emissive materials")
+    return Need(channel="emission", needed=False, why="nothing emits", constant=(0.0, 0.0, 0.0))
+
+
+def _layer_need(channel: str, needed: bool, what: str) -> Need:
+    why = f"there are {what}" if needed else f"no {what}"
+    return Need(channel=channel, needed=needed, why=why, constant=None if needed else (0.0,))
+
+
+def _motion_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> dict[str, Need]:
+    pairs = [(a, b) for a, b in zip(samples, samples[1:], strict=False) if a.shot == b.shot]
+    turns = any(not np.array_equal(a.world_from_camera, b.world_from_camera) or a.fov_y != b.fov_y for a, b in pairs)
+    travels = any(not np.array_equal(a.world_from_camera[:3, 3], b.world_from_camera[:3, 3]) for a, b in pairs)
+    why = "objects move" if scene.moves else "the camera travels" if travels else "the camera turns or zooms"
+    if not scene.moves and not turns:
+        why = "nothing moves"
+        return {
+            "motion": Need(channel="motion", needed=False, why=why, constant=(0.0, 0.0)),
+            "dual_motion": Need(channel="dual_motion", needed=False, why=why, same_as="motion"),
+            "visibility": Need(channel="visibility", needed=False, why=why, constant=(7,)),
+        }
+    occludes = scene.moves or travels
+    dual = Need(channel="dual_motion", needed=True, why=why)
+    if not occludes:
+        dual = Need(channel="dual_motion", needed=False, why="without parallax nothing occludes", same_as="motion")
+    return {
+        "motion": Need(channel="motion", needed=True, why=why),
+        "dual_motion": dual,
+        "visibility": Need(channel="visibility", needed=True, why=why),
+    }
