@@ -52,12 +52,12 @@ def aces_hill(rgb):
     return dr.clip(_matrix(RGB_FROM_ACES, v), 0, 1)
 
 
-def display_transform(rgb, exposure_ev: float = 0.0):
+def display_transform(rgb, exposure_ev=0.0):
     """The transform `aces_srgb` on which metrics and pictures are made: exposure, Hill's ACES fit, sRGB; in [0, 1].
 
     The fit turns around above some 1e4, so what comes in is limited to 1000 after exposure.
     """
-    exposed = dr.clip(rgb * 2.0**exposure_ev, 0, 1000)
+    exposed = dr.clip(rgb * dr.exp2(exposure_ev), 0, 1000)
     return dr.clip(srgb_encode(aces_hill(exposed)), 0, 1)
 
 

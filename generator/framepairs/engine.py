@@ -82,7 +82,8 @@ class Engine:
 
     def _single_sample(self, moment: _Moment, stream: Stream, offset: tuple[float, float], channels: frozenset[str]) -> dict:
         """Lazily, every channel from one sample per pixel at centre - J."""
-        size, pixel = _size_and_pixel(moment.view, stream)
+        # The stream's bias belongs to what is averaged: one sample at a finer level than the pixel's would alias.
+        size, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias if stream.samples == 1 else 0.0)
         i, j = _pixel_indices(stream)
         x = (i + 0.5 - dr.opaque(mi.Float, offset[0])) / size[0]
         y = (j + 0.5 - dr.opaque(mi.Float, offset[1])) / size[1]
@@ -119,7 +120,7 @@ class Engine:
     def _averaged(self, moment: _Moment, stream: Stream) -> dict:
         """Colour, emission, F_beta and transparency as means over the stream's AA samples; the loop keeps their order."""
         self.passes["radiance"] += 1
-        size, pixel = _size_and_pixel(moment.view, stream)
+        size, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
         i, j = _pixel_indices(stream)
         positions = mi.Float(np.array(antialiasing_positions(stream.samples), dtype=np.float32).ravel())
         count = dr.opaque(mi.UInt32, stream.samples)
@@ -141,9 +142,9 @@ class Engine:
         return _radiance_columns(Radiance(color / n, emission / n, f_beta / n, transparency / n), mi.UInt32(i))
 
 
-def _size_and_pixel(view: View, stream: Stream) -> tuple[tuple[mi.Float, mi.Float], Pixel]:
+def _size_and_pixel(view: View, stream: Stream, bias: float) -> tuple[tuple[mi.Float, mi.Float], Pixel]:
     size = tuple(dr.opaque(mi.Float, float(extent)) for extent in stream.size)
-    return size, pixel_of(view, size, dr.opaque(mi.Float, stream.mip_bias))
+    return size, pixel_of(view, size, dr.opaque(mi.Float, bias))
 
 
 def _pixel_indices(stream: Stream) -> tuple[mi.Float, mi.Float]:

@@ -125,12 +125,17 @@ class Shoot:
         return len(self.samples)
 
 
+def check_frames(frames: range, count: int) -> None:
+    """Raises InputError for frames that a path of `count` frames has not."""
+    if len(frames) == 0 or frames[0] < 0 or frames[-1] >= count:
+        raise InputError(
+            f"{frames.start}:{frames.stop} does not lie in 0:{count}, the frames of the path", field="frames"
+        )
+
+
 def frame_states(shoot: Shoot, frames: range) -> Iterator[FrameState]:
     """States of `frames`; numbers past the end of the path raise InputError."""
-    if len(frames) == 0 or frames[0] < 0 or frames[-1] >= len(shoot):
-        raise InputError(
-            f"frames {frames.start}:{frames.stop} do not lie in 0:{len(shoot)}, the frames of the path", field="frames"
-        )
+    check_frames(frames, len(shoot))
     return (shoot.state(frame) for frame in frames)
 
 

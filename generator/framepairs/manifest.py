@@ -44,7 +44,7 @@ class StreamRecord(_Model):
     size: tuple[int, int] = Field(description="width and height, pixels")
     scale: tuple[float, float] = Field(description="display pixels per pixel, per axis, exactly")
     jitter: tuple[float, float] = Field(description="J in pixels of this stream, y down: pixels sample centre - J")
-    mip_bias: float = Field(description="levels added to what the stream's own pixel asks for")
+    mip_bias: float = Field(description="levels added to what the stream's own pixel asks for; in hr, averaged channels only")
     saturated: int = Field(description="values cut to the largest half float")
 
 

@@ -1,0 +1,52 @@
+# The README's commands. `make demo` and `make test` set up what they need.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+APT := apt-get install -y -qq --no-install-recommends
+AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo run; elif command -v sudo >/dev/null; then echo sudo; else echo none; fi)
+DEMO := demo
+
+.PHONY: setup demo test bench schemas lint clean
+
+setup: $(VENV)/.installed
+	@$(call ensure,$(BIN)/framepairs doctor --json >/dev/null 2>&1,libllvm19 libatomic1)
+	@$(BIN)/framepairs doctor --json >/dev/null
+
+$(VENV)/.installed: pyproject.toml
+	@$(call ensure,$(PYTHON) -c 'import ensurepip$(,)venv',python3-venv)
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+# $(call ensure,CHECK,DEBIAN PACKAGES): installs the packages where the check fails and apt can, else says the line to type.
+define ensure
+$(1) || { \
+  case "$(AS_ROOT)-$$(command -v apt-get)" in \
+    none-*|*-) echo "Please install: $(2)   (Debian, Ubuntu: apt-get install $(2))" >&2; exit 1;; \
+    run-*) apt-get update -qq && DEBIAN_FRONTEND=noninteractive $(APT) $(2);; \
+    *) sudo apt-get update -qq && sudo DEBIAN_FRONTEND=noninteractive $(APT) $(2);; \
+  esac; } >/dev/null
+endef
+, := ,
+
+demo: setup
+	$(BIN)/framepairs render market --display 960x540 --scale 2 --scale 3 --channels all --out $(DEMO)
+	$(BIN)/framepairs validate $(DEMO)
+	$(BIN)/framepairs preview $(DEMO)
+	$(BIN)/framepairs upscale $(DEMO)
+
+test: setup
+	$(BIN)/ruff check generator tests scenes
+	$(BIN)/python -m pytest
+
+bench: setup
+	@for file in tests/benchmarks/bench_*.py; do $(BIN)/python $$file || exit 1; done
+
+schemas: setup
+	$(BIN)/python -m framepairs.schemas
+
+lint: setup
+	$(BIN)/ruff check --fix generator tests scenes
+
+clean:
+	rm -rf $(VENV) $(DEMO) $(DEMO)-preview

@@ -1,0 +1,388 @@
+"""The command `framepairs`: parses options, makes one library call, prints. Exit codes: 0 done, 1 a check failed or the
+machine cannot, 2 bad input, 130 interrupted."""
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from . import __version__
+from .bundled import camera_path_names, find_camera_path, find_scene, scene_names
+from .errors import CheckFailed, FramepairsError, InputError, MachineError
+
+app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, help=__doc__)
+out_console, error_console = Console(highlight=False), Console(stderr=True, highlight=False)
+
+Json = Annotated[bool, typer.Option("--json", help="print JSON for machines")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no summary")]
+Backend = Annotated[str, typer.Option(help="auto, llvm or cuda")]
+CorpusFolder = Annotated[Path, typer.Argument(metavar="CORPUS", help="folder of a corpus")]
+
+
+def main() -> None:
+    """Run the command line; our own errors become one line and an exit code."""
+    try:
+        app(standalone_mode=False)
+    except FramepairsError as error:
+        error_console.print(f"framepairs: {error}", style="bold red", markup=False, soft_wrap=True)
+        sys.exit(error.exit_code)
+    except typer.Exit as leave:
+        sys.exit(leave.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        error_console.print("framepairs: interrupted; the same command resumes")
+        sys.exit(130)
+    except Exception as error:
+        usage = getattr(error, "format_message", None)
+        if usage is None:
+            raise
+        error_console.print(f"framepairs: {usage()}", style="bold red", markup=False, soft_wrap=True)
+        sys.exit(2)
+
+
+@app.command()
+def doctor(json_: Json = False) -> None:
+    """Say which back end this machine has, and what to install where it has none."""
+    from .backend import INSTALL_LINE, describe_machine
+
+    found = describe_machine()
+    if json_:
+        print(json.dumps(found, indent=1))
+    else:
+        rows = [("python", found["python"]), *found["versions"].items(), ("variant", found["variant"] or "none")]
+        rows += [("libLLVM", f"{lib['path']}: {lib['why']}") for lib in found["libraries"]]
+        rows += [("used", found["libllvm"] or "none"), ("CUDA", "yes" if found["cuda"] else "no")]
+        _print_table("", ["", ""], rows)
+    if found["variant"] is None:
+        raise MachineError(INSTALL_LINE)
+
+
+@app.command()
+def scenes(json_: Json = False) -> None:
+    """List the bundled scenes."""
+    rows = [(name, str(find_scene(name))) for name in scene_names()]
+    _print_rows(["scene", "file"], rows, json_)
+
+
+@app.command()
+def cameras(json_: Json = False) -> None:
+    """List the bundled camera paths."""
+    from .camera_path import frame_count, read_camera_path
+
+    paths = {name: read_camera_path(find_camera_path(name)) for name in camera_path_names()}
+    rows = [(name, frame_count(path), path.fps) for name, path in paths.items()]
+    _print_rows(["camera path", "frames", "fps"], rows, json_)
+
+
+@app.command()
+def render(
+    scene: Annotated[str, typer.Argument(help="bundled name, or .usd* .gltf .glb .obj .ply .stl .off file")],
+    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file; default: the scene's, or an orbit")] = None,
+    scale: Annotated[list[float] | None, typer.Option(help="scale factor of LR streams, repeatable")] = None,
+    display: Annotated[str | None, typer.Option(help="HR size, as 1920x1080")] = None,
+    frames: Annotated[str | None, typer.Option(help="first:end, as 0:32; default: the whole path")] = None,
+    shading: Annotated[str | None, typer.Option(help="raster or path")] = None,
+    aa: Annotated[int | None, typer.Option(help="samples per pixel of the HR truth")] = None,
+    spp: Annotated[int | None, typer.Option(help="light paths per pixel, with path shading")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of the light paths")] = None,
+    streams: Annotated[str | None, typer.Option(help="LR variants: native,jittered,mip,jittered_mip and hr_native")] = None,
+    channels: Annotated[str | None, typer.Option(help="a,b,c for exactly these, 'all', or 'needed'")] = None,
+    environment: Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")] = None,
+    plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
+    backend: Backend = "auto",
+    out: Annotated[Path | None, typer.Option(help="folder; default: ./<scene>-corpus")] = None,
+    quiet: Quiet = False,
+    json_: Json = False,
+) -> None:
+    """Render a scene along a camera path into a corpus; an interrupted render resumes."""
+    from .plan import make_plan, read_plan
+
+    values = read_plan(plan) if plan else {}
+    values |= _plan_options(scale, display, shading, aa, spp, seed, streams, channels)
+    resolved = make_plan(values, file=plan or "options")
+    scene_file = find_scene(scene)
+    _activate(backend)
+    job = _job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"))
+    _render(job, _frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
+
+
+@app.command()
+def regenerate(
+    corpus: CorpusFolder,
+    scale: Annotated[list[float], typer.Option(help="scale factor of the new LR streams, repeatable")],
+    out: Annotated[Path | None, typer.Option(help="write a new corpus there instead of adding streams")] = None,
+    scene: Annotated[str | None, typer.Option(help="where the scene lies now, if it was moved")] = None,
+    backend: Backend = "auto",
+    quiet: Quiet = False,
+    json_: Json = False,
+) -> None:
+    """Render a corpus again at other scales, from its own manifest."""
+    from .corpus import Corpus
+    from .plan import make_plan
+
+    opened = Corpus(corpus)
+    plan = opened.manifest.plan
+    kept = () if out else tuple(plan.scales)
+    scales = kept + tuple(value for value in scale if value not in kept)
+    resolved = make_plan(plan.model_dump() | {"scales": scales}, file="options")
+    _activate(backend)
+    for name in opened.sequences:
+        entry = opened.sequence(name)
+        source = scene or entry.scene
+        environment = Path(entry.environment) if entry.environment not in (None, "default") else None
+        job = _job(entry.scene, find_scene(source), None, environment, resolved, out or corpus, stored=entry)
+        present = opened.frames(name)
+        frames = range(present[0], present[-1] + 1) if present else range(entry.frames)
+        _render(job, frames, quiet=quiet, json_=json_, add_streams=out is None)
+
+
+@app.command()
+def describe(
+    scene: Annotated[str, typer.Argument(help="bundled name or scene file")],
+    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file")] = None,
+    json_: Json = False,
+) -> None:
+    """Say what a scene holds, which channels it needs and why, and what of it is not read."""
+    from .frame import Shoot
+    from .scene import light_scene, load_scene
+    from .scene.needs import channel_needs
+
+    described, light = light_scene(load_scene(find_scene(scene)), None)
+    path, path_name = _camera_path(scene, camera, described)
+    needs = channel_needs(described, Shoot(described, path, 16 / 9).samples)
+    missing = [*described.not_read, *(f"{m.name}: {what}" for m in described.materials for what in m.not_read)]
+    facts = {
+        "objects": len(described.objects),
+        "triangles": sum(len(described.meshes[item.mesh].faces) for item in described.objects),
+        "materials": len(described.materials),
+        "texels": sum(texture.texels.shape[0] * texture.texels.shape[1] for texture in described.textures),
+        "lights": len(described.lights),
+        "light": light or "its own",
+        "camera path": path_name,
+        "not read": missing,
+    }
+    if json_:
+        rows = {name: {"needed": n.needed, "why": n.why, "constant": n.constant, "same_as": n.same_as} for name, n in needs.items()}
+        print(json.dumps(facts | {"channels": rows}, indent=1))
+        return
+    _print_table(described.name, ["", ""], [(key, value) for key, value in facts.items() if key != "not read"])
+    rows = [(n.channel, "needed" if n.needed else _constant_text(n), n.why) for n in needs.values()]
+    _print_table("channels", ["channel", "as", "why"], rows)
+    for line in missing:
+        out_console.print(f"not read: {line}", markup=False)
+    out_console.print("F_beta may exceed 1 at grazing angles: Lambert plus specular does not conserve energy")
+
+
+@app.command()
+def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) -> None:
+    """Check a corpus; exit code 1 where a check fails."""
+    from dataclasses import asdict
+
+    from .corpus import Corpus
+    from .validate import validate_corpus
+
+    opened = Corpus(corpus)
+    total = sum(len(opened.frames(name)) for name in opened.sequences)
+    with _progress(quiet or json_) as bar:
+        task = bar.add_task("validating", total=total)
+        results = validate_corpus(opened, on_frame=lambda *_: bar.advance(task))
+    failed = [result for result in results if result.verdict == "fail"]
+    if json_:
+        print(json.dumps([asdict(result) for result in results], indent=1))
+    elif not quiet:
+        rows = [(r.id, r.verdict, "" if r.figure is None else f"{r.figure:.6g}", r.proves) for r in results]
+        _print_table(f"validate {corpus}", ["check", "verdict", "worst", "proves"], rows)
+    if failed:
+        where = f": {failed[0].worst[0]}" if failed[0].worst else ""
+        raise CheckFailed(f"{corpus}: failed {', '.join(result.id for result in failed)}{where}")
+
+
+@app.command()
+def upscale(
+    corpus: CorpusFolder,
+    method: Annotated[list[str] | None, typer.Option(help="nearest, bilinear, bicubic or accumulate, repeatable")] = None,
+    stream: Annotated[list[str] | None, typer.Option(help="LR stream, repeatable; default: all")] = None,
+    out: Annotated[Path | None, typer.Option(help="write the upscaled frames there as PNG")] = None,
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Bring LR streams back to the display's size and measure them against the truth (display transform aces_srgb)."""
+    from .corpus import Corpus
+    from .upscale import METHODS, summarise
+
+    opened = Corpus(corpus)
+    jobs = []
+    for sequence in opened.sequences:
+        lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
+        unknown = [name for name in stream or () if name not in lr]
+        if unknown:
+            raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
+        jobs += [(sequence, name, m) for name in (stream or lr) for m in (method or METHODS)]
+    unknown = [name for name in method or () if name not in METHODS]
+    if unknown:
+        raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
+    rows = []
+    with _progress(quiet or json_) as bar:
+        task = bar.add_task("upscaling", total=len(jobs))
+        for sequence, name, chosen in jobs:
+            rows += summarise(opened, sequence, name, chosen, out)
+            bar.advance(task)
+    if json_:
+        print(json.dumps(rows, indent=1))
+    elif not quiet:
+        columns = ["sequence", "stream", "method", "part", "psnr", "ssim", "ms"]
+        table = [[row[k] if isinstance(row[k], str) else f"{row[k]:.4g}" for k in columns] for row in rows]
+        _print_table("upscale: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
+
+
+@app.command()
+def preview(
+    corpus: CorpusFolder,
+    out: Annotated[Path | None, typer.Option(help="folder; default: CORPUS-preview beside the corpus")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write PNG contact sheets: every channel, and every stream."""
+    from .corpus import Corpus
+    from .preview import write_previews
+
+    opened = Corpus(corpus)
+    folder = out or corpus.with_name(f"{corpus.resolve().name}-preview")
+    for file in write_previews(opened, folder):
+        if not quiet:
+            print(file)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    print(__version__)
+
+
+def _plan_options(scale, display, shading, aa, spp, seed, streams, channels) -> dict[str, Any]:
+    """The options that were given, as keys of a plan."""
+    given: dict[str, Any] = {"shading": shading, "antialiasing": aa, "samples_per_pixel": spp, "seed": seed}
+    values = {key: value for key, value in given.items() if value is not None}
+    if scale:
+        values["scales"] = tuple(scale)
+    if display is not None:
+        parts = display.lower().split("x")
+        if len(parts) != 2 or not all(part.strip().lstrip("-").isdigit() for part in parts):
+            raise InputError(f"must look like 1920x1080, not {display!r}", field="display")
+        values["display"] = tuple(int(part) for part in parts)
+    if streams is not None:
+        names = [name.strip() for name in streams.split(",")]
+        values["hr_native"] = "hr_native" in names
+        values["variants"] = tuple(name for name in names if name != "hr_native")
+    if channels is not None:
+        names = [name.strip() for name in channels.split(",")]
+        values["channels"] = names[0] if names[0] in ("all", "needed") else tuple(names)
+    return values
+
+
+def _activate(backend: str) -> None:
+    if backend not in ("auto", "llvm", "cuda"):
+        raise InputError(f"must be auto, llvm or cuda, not {backend!r}", field="backend")
+    from .backend import activate
+
+    activate(backend)
+
+
+def _camera_path(scene: str, camera: str | None, described) -> tuple[Any, str]:
+    from .camera_path import read_camera_path
+    from .frame import orbit
+
+    if camera is None and scene in camera_path_names():
+        camera = scene
+    if camera is None:
+        return orbit(described), "orbit"
+    return read_camera_path(find_camera_path(camera)), camera
+
+
+def _job(scene: str, file: Path, camera: str | None, environment: Path | None, plan, out: Path, stored=None):
+    from .job import Job
+    from .scene import light_scene, load_scene, scene_hash
+
+    if environment is not None and not environment.is_file():
+        raise InputError("no such environment", file=environment)
+    lit, light = light_scene(load_scene(file), environment)
+    if stored is not None and scene_hash(lit) != stored.scene_sha256:
+        raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
+    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else _camera_path(scene, camera, lit)
+    return Job(scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out)
+
+
+def _frame_range(text: str | None, count: int) -> range:
+    from .frame import check_frames
+
+    if text is None:
+        return range(count)
+    first, colon, end = text.partition(":")
+    if not colon or not (first or "0").isdigit() or not (end or "0").isdigit():
+        raise InputError(f"must look like 0:32, not {text!r}", field="frames")
+    chosen = range(int(first or 0), int(end or count))
+    check_frames(chosen, count)
+    return chosen
+
+
+def _render(job, frames: range, *, quiet: bool, json_: bool, add_streams: bool) -> None:
+    import time
+
+    from .pipeline import estimated_bytes, render_sequence
+
+    silent = quiet or json_
+    if not silent:
+        estimate = estimated_bytes(job, len(frames)) / 1e9
+        out_console.print(f"{job.sequence}: {len(frames)} frames into {job.out}, at most {estimate:.2f} GB", markup=False)
+    start, rendered, size = time.perf_counter(), 0, 0
+    with _progress(silent) as bar:
+        task = bar.add_task(job.sequence, total=len(frames))
+        for step in render_sequence(job, frames, add_streams=add_streams):
+            rendered, size = rendered + step.rendered, size + step.bytes
+            elapsed = time.perf_counter() - start
+            bar.update(task, advance=1, description=f"{job.sequence}  {elapsed / max(rendered, 1):.2f} s/frame")
+    elapsed = time.perf_counter() - start
+    summary = {
+        "corpus": str(job.out), "sequence": job.sequence, "frames": len(frames), "rendered": rendered, "bytes": size,
+        "seconds": round(elapsed, 3), "channels": [channel.name for channel in job.channels],
+    }  # fmt: skip
+    if json_:
+        print(json.dumps(summary))
+    elif not quiet:
+        out_console.print(
+            f"{rendered} frames rendered, {len(frames) - rendered} were there; {size / 1e6:.1f} MB in {elapsed:.1f} s",
+            markup=False,
+        )
+
+
+def _progress(silent: bool) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=error_console, transient=True, disable=silent)
+
+
+def _constant_text(need) -> str:
+    if need.same_as:
+        return f"same as {need.same_as}"
+    return "constant " + " ".join(f"{value:.4g}" for value in need.constant)
+
+
+def _print_rows(columns: list[str], rows: list[tuple], json_: bool) -> None:
+    if json_:
+        print(json.dumps([dict(zip(columns, row, strict=True)) for row in rows], indent=1))
+    else:
+        _print_table("", columns, rows)
+
+
+def _print_table(title: str, columns: list[str], rows: Iterable[Iterable]) -> None:
+    table = Table(*columns, title=title or None, title_justify="left", show_header=any(columns))
+    for row in rows:
+        table.add_row(*(str(value) for value in row))
+    out_console.print(table, markup=False)
+
+
+if __name__ == "__main__":
+    main()
