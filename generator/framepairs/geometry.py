@@ -184,7 +184,7 @@ def point_of(tables: Tables, pose: Pose, hit: Hit) -> mi.Point3f:
     """Place [3] in render space, at `pose`, of the material point that was hit: v0 + u e1 + v e2, then transformed."""
     p0, p1, p2 = _corners(mi.Point3f, tables.positions, tables, hit)
     local = p0 + hit.uv.x * (p1 - p0) + hit.uv.y * (p2 - p0)
-    return _transform(pose, hit) @ local
+    return _transform(pose, hit).point(local)
 
 
 def triangle_of(tables: Tables, pose: Pose, hit: Hit) -> Triangle:
@@ -195,13 +195,12 @@ def triangle_of(tables: Tables, pose: Pose, hit: Hit) -> Triangle:
     t0, t1, t2 = _corners(mi.Point2f, tables.uv, tables, hit)
     local1, local2 = p1 - p0, p2 - p0
     u, v = hit.uv.x, hit.uv.y
-    edge1, edge2 = matrix @ mi.Vector3f(local1), matrix @ mi.Vector3f(local2)
+    edge1, edge2 = matrix.vector(local1), matrix.vector(local2)
     geometric = _unit(dr.cross(edge1, edge2), mi.Vector3f(0, 0, 1))
-    smooth = mi.Vector3f(n0 + u * (n1 - n0) + v * (n2 - n0))
-    cofactor = _cofactor(matrix)
-    normal = _unit(cofactor @ smooth, geometric)  # objects without normals have zeros here
+    smooth = n0 + u * (n1 - n0) + v * (n2 - n0)
+    normal = _unit(_cofactor(matrix).vector(smooth), geometric)  # objects without normals have zeros here
     return Triangle(
-        position=matrix @ (p0 + u * local1 + v * local2),
+        position=matrix.point(p0 + u * local1 + v * local2),
         edge1=edge1,
         edge2=edge2,
         geometric=dr.select(dr.dot(geometric, normal) < 0, -geometric, geometric),
@@ -230,10 +229,11 @@ class _Affine:
     def __init__(self, rows: list[mi.Vector4f]):
         self.rows = rows
 
-    def __matmul__(self, vector):
-        last = 1 if isinstance(vector, mi.Point3f) else 0
-        x, y, z = (r.x * vector.x + r.y * vector.y + r.z * vector.z + (r.w if last else 0) for r in self.rows)
-        return type(vector)(x, y, z)
+    def point(self, p) -> mi.Point3f:
+        return mi.Point3f(*(r.x * p.x + r.y * p.y + r.z * p.z + r.w for r in self.rows))
+
+    def vector(self, v) -> mi.Vector3f:
+        return mi.Vector3f(*(r.x * v.x + r.y * v.y + r.z * v.z for r in self.rows))
 
 
 def _transform(pose: Pose, hit: Hit) -> _Affine:
@@ -289,7 +289,7 @@ def _tables(scene: SceneDescription, object_of_shape: NDArray) -> Tables:
     first_face = np.concatenate([[0], np.cumsum(face_counts)])
 
     def gathered(arrays: list[NDArray], dtype) -> NDArray:
-        return np.concatenate([np.ascontiguousarray(a, dtype=dtype).ravel() for a in arrays] or [np.zeros(3, dtype)])
+        return np.concatenate([np.ascontiguousarray(a, dtype=dtype).ravel() for a in arrays if a.size] or [np.zeros(12, dtype)])
 
     def or_zeros(array: NDArray | None, count: int, width: int) -> NDArray:
         return np.zeros((count, width), np.float32) if array is None else array

@@ -11,7 +11,7 @@ from .channels import IN_FRONT_OF_PREVIOUS_CAMERA, INSIDE_PREVIOUS_FRAME, SEEN_B
 from .gbuffer import GBuffer, Pixel, camera_ray, first_solid
 from .geometry import Geometry, Pose, point_of
 from .materials import MaterialTable
-from .projection import Projected, View, direction, project
+from .projection import Projected, View, direction, project, project_direction
 
 # A point counts as seen when the surface met on its way lies nearer by less than this share of its depth: float32 places
 # have a relative error of some 2^-22 after the transforms, and a surface at 1 degree grazing turns that into 1.4e-5 of z.
@@ -58,9 +58,9 @@ def motion_of(
     then = _choose(
         hit.valid,
         project(before.view, point_of(geometry.tables, before.pose, hit)),
-        project(before.view, sky),
+        project_direction(before.view, sky),
     )
-    now = _choose(hit.valid, project(view, sample.position), project(view, sky))
+    now = _choose(hit.valid, project(view, sample.position), project_direction(view, sky))
     in_front = then.z > 0
     motion = dr.select(in_front, _pixels(then, now, size), _turned_away(then, size))
     inside = in_front & (then.x >= 0) & (then.x < 1) & (then.y >= 0) & (then.y < 1)
@@ -88,7 +88,7 @@ def _dual(
     occluder = _choose(
         met.valid,
         project(view, point_of(geometry.tables, pose, met)),
-        project(view, mi.Vector3f(ray.d)),
+        project_direction(view, ray.d),
     )
     # y - z = (x + motion) - z, with x the sample's own place
     relative = mi.Vector2f((place[0] - occluder.x) * size[0], (place[1] - occluder.y) * size[1]) + motion

@@ -64,10 +64,18 @@ def direction(view: View, x: mi.Float, y: mi.Float) -> mi.Vector3f:
     return view.corner + x * view.across + y * view.down
 
 
-def project(view: View, point: mi.Point3f | mi.Vector3f) -> Projected:
-    """Where a point in render space appears; a Vector3f is a direction, a point infinitely far away."""
-    w = 1 if isinstance(point, mi.Point3f) else 0
-    x, y, z = (r.x * point.x + r.y * point.y + r.z * point.z + (r.w if w else 0) for r in view.rows)
+def project(view: View, point: mi.Point3f) -> Projected:
+    """Where a point in render space appears."""
+    return _projected(view, point, 1)
+
+
+def project_direction(view: View, vector: mi.Vector3f) -> Projected:
+    """Where a point infinitely far away along `vector` appears; z is in units of the vector."""
+    return _projected(view, vector, 0)
+
+
+def _projected(view: View, place, w: int) -> Projected:
+    x, y, z = (r.x * place.x + r.y * place.y + r.z * place.z + (r.w if w else 0) for r in view.rows)
     lateral = mi.Vector2f(x / view.tangent.x, -y / view.tangent.y)
     scale = 0.5 / dr.select(z > 0, z, 1)
     return Projected(0.5 + lateral.x * scale, 0.5 + lateral.y * scale, z, lateral)
