@@ -18,6 +18,7 @@ from .textures import TextureTable, build_textures, sample_finest, sample_level,
 LEVELS = 9  # roughness 0, 1/8, ... 1
 FILTERED_SIZE = (64, 128)  # height, width of all levels but the first
 FILTER_SAMPLES = 256
+SH_ROWS = 128  # midpoints over this many rows integrate the nine basis functions to some 1e-4
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,8 @@ def _lobe_mean(
 
 def _irradiance_harmonics(texels: np.ndarray) -> np.ndarray:
     """[9, 3] coefficients of irradiance / pi: the projection of radiance times the cosine lobe's 1, 2/3 and 1/4."""
+    finer = max(1, -(-SH_ROWS // texels.shape[0]))  # a coarse sky is integrated as what it is: constant within texels
+    texels = texels.repeat(finer, axis=0).repeat(finer, axis=1)
     height, width = texels.shape[:2]
     theta = (np.arange(height) + 0.5) / height * np.pi
     azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
