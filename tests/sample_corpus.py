@@ -19,8 +19,8 @@ def checker(width: int, height: int, cell: int) -> np.ndarray:
 
 
 def two_quads() -> SceneDescription:
-    wall = Texture(name="wall", texels=checker(256, 128, 4), srgb=True)
-    card = Texture(name="card", texels=checker(64, 64, 8), srgb=True)
+    wall = Texture(name="wall", texels=checker(256, 128, 16), srgb=True)
+    card = Texture(name="card", texels=checker(64, 64, 16), srgb=True)
     return make_scene(
         (quad(8, 5, "wall"), Material(name="wall", base_color=(1, 1, 1), base_texture=Slot(texture=0)), at(0, 0, -4)),
         (

@@ -15,10 +15,10 @@ def test_rough_normal_incidence_is_one_minus_log_two():
 
 
 def test_smooth_limit_is_schlick():
-    columns = slice(64, None)  # from n.v = 0.016 on, alpha = 0.001 shadows less than (alpha / n.v)^2 / 2 = 2e-3
+    columns = slice(64, None)  # from n.v = 0.016 on, alpha = 0.001 shadows by less than (alpha / n.v)^2 = 4.1e-3
     bias = (1 - ((np.arange(512) / 511) ** 2)[columns]) ** 5
-    assert np.abs(VALUES[0, columns, 0] - (1 - bias)).max() < 2e-3
-    assert np.abs(VALUES[0, columns, 1] - bias).max() < 2e-3
+    assert np.abs(VALUES[0, columns, 0] - (1 - bias)).max() < 4.1e-3
+    assert np.abs(VALUES[0, columns, 1] - bias).max() < 4.1e-3
 
 
 def test_energy_is_never_gained():

@@ -28,10 +28,15 @@ class WarpConsistency:
 
 
 def warp_consistency(
-    now: dict[str, NDArray], before: dict[str, NDArray], camera: CameraRecord, jitter: tuple[float, float],
+    now: dict[str, NDArray],
+    before: dict[str, NDArray],
+    camera: CameraRecord,
+    jitter: tuple[float, float],
     previous_jitter: tuple[float, float],
+    moving: list[int],
 ) -> WarpConsistency:
-    """`now` and `before`: object_id, depth, motion and visibility of one stream in two frames that follow each other."""
+    """`now` and `before`: object_id, depth, motion and visibility of one stream in two frames that follow each other.
+    moving: the ids of animated objects."""
     motion = to_image(now["motion"])
     identity, old_identity = to_image(now["object_id"]), to_image(before["object_id"])
     width, height = motion.width, motion.height
@@ -59,6 +64,7 @@ def warp_consistency(
         place=np.stack(fractions[:2], axis=1).astype(np.float64),
         old_place=np.stack(fractions[2:], axis=1).astype(np.float64),
         camera=camera,
+        moving=moving,
         size=np.array([width, height]),
     )
     known = np.isfinite(residual)
@@ -83,21 +89,19 @@ def _uniform(identity: Image, x, y) -> jit.Bool:
     return same
 
 
-def _residuals(*, ids, inverse_depth, old_inverse_depth, place, old_place, camera: CameraRecord, size) -> NDArray:
+def _residuals(*, ids, inverse_depth, old_inverse_depth, place, old_place, camera: CameraRecord, moving, size) -> NDArray:
     """Pixels between where motion leads and where the point was; NaN for objects that are too small to tell.
 
-    First every object is taken to stand still; one that does not (99 % within the tolerance) is given the affine motion
-    that fits its own points in space, so that it is not blamed on the camera.
+    What is not animated must stand still in the world. An animated object is given the affine motion that fits its own
+    points in space, so that it is not blamed on the camera.
     """
     clip, old_clip = np.array(camera.clip_from_view), np.array(camera.previous_clip_from_view)
     old_from_now = np.array(camera.previous_view_from_world) @ np.linalg.inv(np.array(camera.view_from_world))
     points = _homogeneous(place, inverse_depth, clip)
     old_points = _homogeneous(old_place, old_inverse_depth, old_clip)
     residual = _distance(points @ old_from_now.T, old_clip, old_place, size)
-    for identity in np.unique(ids):
+    for identity in np.intersect1d(ids, moving):
         own = np.flatnonzero(ids == identity)
-        if np.mean(residual[own] <= TOLERANCE_PX) >= 0.99 or identity == 0:
-            continue
         if len(own) < FEWEST_PIXELS:
             residual[own] = np.nan
             continue

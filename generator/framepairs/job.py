@@ -160,6 +160,7 @@ def _sequence_record(job: Job) -> SequenceRecord:
         up_axis=job.scene.up_axis,
         metres_per_unit=job.scene.metres_per_unit,
         objects=[item.name for item in job.scene.objects],
+        moving=[index for index, item in enumerate(job.scene.objects, start=1) if item.moves],
         channels=[channel.name for channel in job.channels],
         constants=constants,
     )

@@ -108,6 +108,7 @@ class SequenceRecord(_Model):
     up_axis: Literal["X", "Y", "Z"]
     metres_per_unit: float
     objects: list[str] = Field(description="names; object_id is 1 + index")
+    moving: list[int] = Field(description="object_id of every object that is animated")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")
     split: Literal["train", "val", "test"] = "train"

@@ -66,6 +66,8 @@ def render_sequence(
             record = _existing_record(job, folder, state.frame)
             missing = [s for s in plan_streams(job.plan) if record is None or s.name not in record.streams]
             if not missing:
+                while waiting:
+                    yield _finish(job, folder, *waiting.pop(0))
                 yield Progress(frame=state.frame, rendered=False, bytes=0)
                 continue
             if engine is None:

@@ -48,7 +48,7 @@ def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[Scen
 def scene_hash(scene: SceneDescription) -> str:
     """sha256 over the names (relative to the main file) and contents of all files that were read."""
     digest = hashlib.sha256()
-    folder = scene.files[0].resolve().parent
+    folder = scene.files[0].resolve().parent if scene.files else Path()
     for file in sorted(scene.files, key=lambda item: _relative(item, folder)):
         digest.update(_relative(file, folder).encode() + b"\0")
         digest.update(hashlib.sha256(file.read_bytes()).digest())

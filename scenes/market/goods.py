@@ -1,0 +1,260 @@
+"""What the market sells: stalls, crates of fruit, ceramics, pans, and the oak table in the foreground."""
+
+import numpy as np
+from shapes import ball, bow, box, canopy, lathe, merged, quad, sheet, tube
+from stage import Market
+
+VASES = {  # profiles (radius, y) of about 0.4 m
+    "slim": [(0, 0), (0.06, 0), (0.065, 0.02), (0.11, 0.17), (0.09, 0.28), (0.04, 0.35), (0.037, 0.4), (0.06, 0.44)],
+    "round": [(0, 0), (0.07, 0), (0.08, 0.015), (0.15, 0.12), (0.14, 0.22), (0.07, 0.29), (0.065, 0.32), (0.09, 0.35)],
+    "jar": [
+        (0, 0),
+        (0.09, 0),
+        (0.095, 0.02),
+        (0.115, 0.15),
+        (0.105, 0.25),
+        (0.06, 0.285),
+        (0.065, 0.31),
+        (0.03, 0.335),
+    ],
+}
+POT = [
+    (0, 0),
+    (0.1, 0),
+    (0.1, 0),
+    (0.13, 0.05),
+    (0.135, 0.15),
+    (0.135, 0.15),
+    (0.142, 0.155),
+    (0.125, 0.15),
+    (0.12, 0.02),
+]
+SAMOVAR = [
+    (0, 0), (0.13, 0), (0.13, 0), (0.13, 0.02), (0.13, 0.02), (0.08, 0.035), (0.05, 0.07), (0.055, 0.1), (0.11, 0.13),
+    (0.155, 0.2), (0.172, 0.3), (0.165, 0.38), (0.165, 0.38), (0.176, 0.385), (0.176, 0.4), (0.165, 0.405),
+    (0.165, 0.405),
+    (0.12, 0.44), (0.075, 0.46), (0.07, 0.52), (0.085, 0.53), (0.085, 0.55), (0.03, 0.56), (0.02, 0.6), (0, 0.61),
+]  # fmt: skip
+
+
+def crate(m: Market, path: str, place, turn: float, fruit: str, radius: float, tilt: float = 14) -> None:
+    """A slatted box leaning towards +z with one mesh of fruit in it."""
+    m.group(path, place, turn)
+    w, h, d = 0.56, 0.17, 0.38
+    parts = [box(w, 0.015, d)]
+    for y in (0.02, 0.105):
+        parts += [box(w, 0.065, 0.012, 0, y, side * (d / 2 - 0.006)) for side in (-1, 1)]
+        parts += [box(0.012, 0.065, d - 0.026, side * (w / 2 - 0.006), y, 0) for side in (-1, 1)]
+    parts += [box(0.025, h, 0.025, a * (w / 2 - 0.026), 0, b * (d / 2 - 0.026)) for a in (-1, 1) for b in (-1, 1)]
+    m.add(f"{path}/box", merged(parts).turned("x", tilt), "pine")
+    rng = np.random.default_rng(60)  # one heap for all crates of a radius: the file holds it once
+    heap, step = [], 1.9 * radius
+    for layer, y in ((0, h - 0.3 * radius), (1, h + 1.0 * radius)):
+        for i in range(int((w - 0.06) / step) - layer):
+            for j in range(int((d - 0.04) / step) - layer):
+                x = (i + 0.5) * step - (int((w - 0.06) / step) - layer) * step / 2
+                z = (j + 0.5) * step - (int((d - 0.04) / step) - layer) * step / 2
+                if layer and rng.uniform() < 0.3:
+                    continue
+                one = (
+                    ball(radius, 8 if radius < 0.06 else 14, 5 if radius < 0.06 else 8)
+                    .scaled(1, rng.uniform(0.88, 1), 1)
+                    .turned("x", rng.uniform(0, 180))
+                )
+                heap.append(
+                    one.turned("y", rng.uniform(0, 360)).at(x + rng.normal(0, 0.006), y, z + rng.normal(0, 0.006))
+                )
+    m.add(f"{path}/{fruit}", merged(heap).turned("x", tilt), fruit)
+
+
+def stall(m: Market, name: str, place, turn: float, canvas: str, cloth: str) -> None:
+    """Posts, canopy, table with a cloth in folds, and a back cloth; the customer stands at +z."""
+    m.group(name, place, turn)
+    posts = [box(0.07, 2.56 if z < 0 else 2.16, 0.07, x, 0, z) for x in (-1.42, 1.42) for z in (-0.86, 0.86)]
+    bars = [box(2.98, 0.05, 0.05, 0, y, z) for y, z in ((2.5, -0.86), (2.08, 0.86))]
+    m.add(f"{name}/posts", merged([*posts, *bars]), "oak")
+    m.add(f"{name}/canopy", canopy(3.25, 2.05, 2.66, 2.2), canvas)
+    m.add(f"{name}/table", box(2.7, 0.05, 1.15, 0, 0.82, 0.1), "pine")
+    x, y = np.meshgrid(np.linspace(-1.37, 1.37, 60), np.array([0.03, 0.45, 0.875]))
+    fold = 0.69 + 0.035 * (1 - y) * np.sin(x * 17) + 0.02 * (1 - y) * np.sin(x * 39 + 1)
+    skirt = sheet(np.stack([x, y, fold], axis=-1), np.stack([x, y], axis=-1))
+    z, y = np.meshgrid(np.linspace(-0.5, 0.69, 30), np.array([0.03, 0.45, 0.875]))
+    left = np.stack([-1.37 + 0 * z - 0.02 * (1 - y) * np.sin(z * 19), y, z], axis=-1)
+    ends = [
+        sheet(left, np.stack([z, y], axis=-1)),
+        sheet(left[:, ::-1] * [-1, 1, 1], np.stack([z, y], axis=-1)[:, ::-1]),
+    ]
+    m.add(f"{name}/skirt", merged([skirt, *ends]), cloth)
+    x, y = np.meshgrid(np.linspace(-1.4, 1.4, 30), np.array([0.25, 1.2, 2.45]))
+    m.add(
+        f"{name}/back",
+        sheet(np.stack([x, y, -0.8 + 0.03 * np.sin(x * 12)], axis=-1), np.stack([x, y], axis=-1)),
+        "dark_cloth",
+    )
+
+
+def pan(m: Market, path: str, place, metal: str, size: float = 1.0) -> None:
+    """A pan that hangs from its handle's eye at `place`, its bottom to +z."""
+    bowl = lathe(
+        [
+            (0, 0),
+            (0.1, 0),
+            (0.1, 0),
+            (0.125, 0.06),
+            (0.125, 0.06),
+            (0.13, 0.062),
+            (0.118, 0.06),
+            (0.095, 0.008),
+            (0, 0.007),
+        ],
+        20,
+    )
+    grip = tube([(0, 0.05, -0.12), (0, 0.06, -0.2), (0, 0.062, -0.34)], 0.009)
+    m.add(path, merged([bowl, grip]).turned("x", 90).turned("y", 180).at(0, -0.34, 0), metal, place, size=size)
+
+
+def vase(m: Market, path: str, place, kind: str, glaze: str, size: float = 1.0) -> None:
+    m.add(path, lathe(VASES[kind], 28, refine=3), glaze, place, size=size)
+
+
+def stalls(m: Market) -> None:
+    stall(m, "Fruit", (-4.3, 0, -2.3), 0, "red_canvas", "linen")
+    kinds = (
+        ("orange", 0.043),
+        ("apple", 0.043),
+        ("lemon", 0.035),
+        ("lime", 0.035),
+        ("plum", 0.035),
+        ("orange", 0.043),
+        ("apple", 0.043),
+        ("lemon", 0.035),
+    )
+    for k, (fruit, radius) in enumerate(kinds):
+        crate(
+            m,
+            f"Fruit/Crate{k}",
+            (-0.98 + 0.65 * (k % 4), 0.9 + 0.19 * (k // 4), 0.46 - 0.42 * (k // 4)),
+            0,
+            fruit,
+            radius,
+        )
+    crate(m, "Fruit/Crate8", (-0.7, 0.02, 1.15), 8, "melon", 0.11, 0)
+    crate(m, "Fruit/Crate9", (0.1, 0.02, 1.2), -6, "melon", 0.11, 0)
+    stall(m, "Pottery", (3.7, 0, -2.4), 0, "blue_canvas", "linen")
+    wares = (
+        ("slim", "glaze"),
+        ("round", "celadon"),
+        ("jar", "glaze"),
+        ("slim", "oxblood"),
+        ("round", "glaze"),
+        ("jar", "honey"),
+        ("slim", "celadon"),
+    )
+    for k, (kind, glaze) in enumerate(wares):
+        vase(m, f"Pottery/vase{k}", (-1.15 + 0.38 * k, 0.87, 0.28 + 0.16 * (k % 2)), kind, glaze, 0.85 + 0.15 * (k % 3))
+    for k in range(5):
+        pan(m, f"Pottery/pan{k}", (-1.1 + 0.5 * k, 2.07, 0.9), ("copper", "steel", "brass")[k % 3], 1.0 - 0.1 * (k % 2))
+        m.add(
+            f"Pottery/pot{k}",
+            lathe(POT, 22, refine=2),
+            ("copper", "brass")[k % 2],
+            (-1.0 + 0.5 * k, 0.87, -0.22),
+            size=1.1,
+        )
+    stall(m, "Greens", (-7.2, 0, 0.6), 48, "green_canvas", "burlap")
+    for k, (fruit, radius) in enumerate((("lime", 0.035), ("plum", 0.035), ("apple", 0.043), ("melon", 0.11))):
+        crate(m, f"Greens/Crate{k}", (-0.98 + 0.65 * k, 0.9, 0.42), 0, fruit, radius)
+    stall(m, "Cloth", (7.4, 0, -0.9), -52, "red_canvas", "dark_cloth")
+    for k in range(6):
+        bale = box(0.36, 0.09, 0.7)
+        m.add(
+            f"Cloth/bale{k}",
+            merged([bale.at(-0.95 + 0.39 * k, 0.87 + 0.092 * j, 0.15) for j in range(1 + k % 3)]),
+            ("blue_flag", "linen", "red_flag", "gold_flag", "green_canvas", "burlap")[k],
+        )
+    for k, (x, z, size) in enumerate(((-6.3, -1.6, 1), (5.7, -1.5, 1), (6.0, -2.3, 1.15), (-2.35, -3.0, 1.1))):
+        barrel = [
+            (0, 0),
+            (0.24, 0),
+            (0.24, 0),
+            (0.3, 0.25),
+            (0.315, 0.4),
+            (0.3, 0.55),
+            (0.24, 0.8),
+            (0.24, 0.8),
+            (0.22, 0.8),
+            (0.22, 0.77),
+            (0, 0.77),
+        ]
+        m.add(f"Barrels/staves{k}", lathe(barrel, 20), "oak", (x, 0, z), size=size)
+        hoops = [
+            lathe([(r + 0.004, y), (r + 0.012, y), (r + 0.012, y + 0.04), (r + 0.004, y + 0.04)], 24)
+            for r, y in ((0.272, 0.12), (0.272, 0.64))
+        ]
+        m.add(f"Barrels/hoops{k}", merged(hoops), "iron", (x, 0, z), size=size)
+
+
+def hero(m: Market) -> None:
+    """The oak table in the foreground: brushed brass and copper, glaze, a balance, fruit."""
+    m.group("Hero", (2.15, 0, 1.75), -14)
+    legs = [box(0.07, 0.72, 0.07, x, 0, z) for x in (-0.72, 0.72) for z in (-0.3, 0.3)]
+    m.add("Hero/table", merged([box(1.7, 0.045, 0.82, 0, 0.72, 0), *legs, box(1.4, 0.09, 0.03, 0, 0.63, 0.3)]), "oak")
+    m.add(
+        "Hero/runner",
+        merged([box(0.62, 0.004, 0.8, -0.42, 0.766, 0), quad((-0.73, 0.52, 0.414), (0.62, 0, 0), (0, 0.25, 0))]),
+        "runner",
+    )
+    top = 0.766
+    urn = [lathe(SAMOVAR, 44, refine=2), tube(bow((0.165, 0.33, 0), (0.165, 0.24, 0), (0.08, 0, 0)), 0.011, 8)]
+    urn += [
+        tube(bow((-0.165, 0.33, 0), (-0.165, 0.24, 0), (-0.08, 0, 0)), 0.011, 8),
+        tube([(0, 0.15, 0.12), (0, 0.15, 0.21), (0, 0.12, 0.235)], 0.013, 8),
+    ]
+    m.add("Hero/samovar", merged(urn).at(-0.42, top + 0.005, -0.05), "brass")
+    vase(m, "Hero/vase", (0.02, top, -0.16), "slim", "glaze", 1.05)
+    vase(m, "Hero/celadon", (0.64, top, -0.14), "round", "celadon", 0.95)
+    vase(m, "Hero/jar", (-0.72, top, 0.16), "jar", "oxblood", 0.6)
+    bowl = [
+        (0, 0),
+        (0.05, 0),
+        (0.05, 0),
+        (0.055, 0.015),
+        (0.12, 0.05),
+        (0.155, 0.1),
+        (0.16, 0.102),
+        (0.15, 0.1),
+        (0.11, 0.05),
+        (0, 0.02),
+    ]
+    m.add("Hero/bowl", lathe(bowl, 32, refine=2).at(-0.08, top + 0.004, 0.2), "honey")
+    spots = ((-0.06, 0.07, 0.03), (0.06, 0.075, 0.04), (0.0, 0.07, -0.07), (0.0, 0.125, 0.01))
+    lemons = [ball(0.046, 16, 10).scaled(1.2, 1, 1).turned("y", 70 * k).at(*spot) for k, spot in enumerate(spots)]
+    m.add("Hero/lemons", merged(lemons).at(-0.08, top, 0.2), "lemon")
+    m.add("Hero/melon", ball(0.13, 28, 16).turned("x", 70).at(0.66, top + 0.128, 0.2), "melon")
+    post = lathe(
+        [
+            (0, 0),
+            (0.09, 0),
+            (0.09, 0),
+            (0.09, 0.015),
+            (0.03, 0.03),
+            (0.012, 0.08),
+            (0.012, 0.36),
+            (0.02, 0.38),
+            (0, 0.4),
+        ],
+        20,
+        refine=2,
+    )
+    pans, wires = [], []
+    for side, dip in ((-1, 0.02), (1, -0.02)):
+        x, y = side * 0.2, 0.1 - dip
+        dish = lathe([(0, 0), (0.06, 0.006), (0.095, 0.028), (0.098, 0.028), (0.06, 0.009), (0, 0.003)], 28)
+        pans.append(dish.at(x, y, 0))
+        wires += [
+            tube([(x + 0.095 * np.sin(a), y + 0.028, 0.095 * np.cos(a)), (x, 0.345 - dip, 0)], 0.0012, 4)
+            for a in (0, 2.1, 4.2)
+        ]
+    beam = tube(bow((-0.2, 0.325, 0), (0.2, 0.365, 0), (0, 0.02, 0)), 0.007, 8)
+    m.add("Hero/scale", merged([post, beam, *pans]).turned("y", 20).at(0.36, top, 0.08), "steel")
+    m.add("Hero/scale_wires", merged(wires).turned("y", 20).at(0.36, top, 0.08), "wire")
