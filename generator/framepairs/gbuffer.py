@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from .backend import dr, mi
 from .brdf import f0_of, look_up, pre_integrated
 from .geometry import Geometry, Hit, Pose, Triangle, trace, triangle_of
-from .materials import Footprint, MaterialTable, Surface, is_blended, opacity_of, surface_of
+from .materials import Footprint, MaterialTable, Surface, is_blended, is_opaque, opacity_of, surface_of
 from .projection import View, direction, project
 
 # Past a layer that lets a ray through, it goes on behind this share of its parameter and of its origin's coordinates.
@@ -135,7 +135,10 @@ def first_solid(
         hit, t = trace(geometry, pose, onward, searching)
         through = mi.Bool(False)
         if dr.hint(materials.masks or materials.blends, mode="scalar"):
-            through = hit.valid & _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too)
+            material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
+            doubtful = hit.valid & ~is_opaque(materials, material, hit.valid)
+            if dr.hint(doubtful, exclude=[geometry, materials, pose, hit, pixel, blended_too]):
+                through = _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too)
         valid, item, face, uv = hit.valid, hit.object, hit.face, hit.uv
         reached = passed + dr.select(hit.valid, t, 0)
         passed = dr.select(through, dr.maximum(reached * (1 + SKIP), reached + least), reached)

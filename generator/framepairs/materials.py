@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backend import dr, mi
-from .scene.description import Material, SceneDescription, Slot
+from .scene.description import IDENTITY_UV, Material, SceneDescription, Slot
 from .textures import TextureTable, build_textures, sample_texture
 
 SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
@@ -17,7 +17,7 @@ NO_TEXTURE = 0xFFFFFFFF
 @dataclass(frozen=True)
 class MaterialTable:
     """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. uv: [24 M], a 2x3 matrix per slot. used: the slots
-    that any material fills. masks, blends: whether any material does."""
+    that any material fills. masks, blends, moves_uv (has a uv transform): whether any material does."""
 
     constants: mi.Float
     alpha: mi.UInt32
@@ -27,6 +27,7 @@ class MaterialTable:
     used: frozenset[str]
     masks: bool
     blends: bool
+    moves_uv: bool
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ def build_materials(scene: SceneDescription) -> MaterialTable:
         used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
         masks=any(material.alpha == "mask" for material in materials),
         blends=any(material.alpha == "blend" for material in materials),
+        moves_uv=any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
     )
 
 
@@ -75,6 +77,10 @@ def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
     masked = dr.select(value >= cutoff, mi.Float(1), mi.Float(0))
     value = dr.select(alpha == ALPHA_CODE["mask"], masked, dr.clip(value, 0, 1))
     return dr.select(alpha == ALPHA_CODE["opaque"], 1, value)
+
+
+def is_opaque(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
+    return dr.gather(mi.UInt32, table.alpha, material, active) == ALPHA_CODE["opaque"]
 
 
 def is_blended(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
@@ -101,6 +107,7 @@ def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
     )
 
 
+@dr.syntax
 def _slot(
     table: MaterialTable,
     name: str,
@@ -109,23 +116,32 @@ def _slot(
     active: mi.Bool,
     otherwise: mi.Vector4f | None = None,
 ) -> mi.Vector4f:
-    """The texel of a slot; `otherwise` (white) where the material leaves it empty. Nothing is traced for unused slots."""
-    otherwise = mi.Vector4f(1) if otherwise is None else otherwise
-    if name not in table.used:
-        return otherwise
-    place = material * len(SLOTS) + SLOTS.index(name)
-    texture = dr.gather(mi.UInt32, table.slots, place, active)
-    filled = active & (texture != NO_TEXTURE)
-    u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
+    """The texel of a slot; `otherwise` (white) where the material leaves it empty.
 
-    def linear(vector):
-        return mi.Vector2f(u.x * vector.x + u.y * vector.y, v.x * vector.x + v.y * vector.y)
+    Nothing is traced for a slot that no material fills, and nothing runs for groups of rays that do not need it.
+    """
+    texel = mi.Vector4f(1) if dr.hint(otherwise is None, mode="scalar") else mi.Vector4f(otherwise)
+    if dr.hint(name in table.used, mode="scalar"):
+        place = material * len(SLOTS) + SLOTS.index(name)
+        texture = dr.gather(mi.UInt32, table.slots, place, active)
+        filled = active & (texture != NO_TEXTURE)
+        if dr.hint(filled, exclude=[table, footprint, name, otherwise]):
+            texel = _sampled(table, texture, place, footprint, filled)
+    return texel
 
-    uv = mi.Point2f(linear(footprint.uv) + mi.Vector2f(u.z, v.z))
-    texel = sample_texture(
-        table.textures, texture, uv, linear(footprint.duv_dx), linear(footprint.duv_dy), footprint.bias, filled
-    )
-    return dr.select(filled, texel, otherwise)
+
+def _sampled(
+    table: MaterialTable, texture: mi.UInt32, place: mi.UInt32, footprint: Footprint, filled: mi.Bool
+) -> mi.Vector4f:
+    uv, duv_dx, duv_dy = footprint.uv, footprint.duv_dx, footprint.duv_dy
+    if table.moves_uv:
+        u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
+
+        def linear(vector):
+            return mi.Vector2f(u.x * vector.x + u.y * vector.y, v.x * vector.x + v.y * vector.y)
+
+        uv, duv_dx, duv_dy = mi.Point2f(linear(uv) + mi.Vector2f(u.z, v.z)), linear(duv_dx), linear(duv_dy)
+    return sample_texture(table.textures, texture, uv, duv_dx, duv_dy, footprint.bias, filled)
 
 
 def _texture_index(slot: Slot | None) -> int:

@@ -66,15 +66,26 @@ def lights_around(scene: SceneDescription, origin: Vector) -> Lights:
     return Lights(mi.Float(rows.ravel()), dr.opaque(mi.UInt32, len(scene.lights)), not scene.lights)
 
 
-def shade(shading: Shading, lights: Lights, pose: Pose, view: View, x: mi.Float, y: mi.Float, pixel: Pixel, sample: GBuffer) -> Radiance:
+@dr.syntax
+def shade(
+    shading: Shading,
+    lights: Lights,
+    pose: Pose,
+    view: View,
+    x: mi.Float,
+    y: mi.Float,
+    pixel: Pixel,
+    sample: GBuffer,
+) -> Radiance:
     """What is drawn at the sample: the opaque surface or the sky, and the blended layers before it."""
     ray = camera_ray(view, x, y)
-    sky = sky_radiance(shading.sky, ray.d, pixel.ddx, pixel.ddy, ~sample.hit.valid)
-    solid = sample.hit.valid
+    solid, sky = sample.hit.valid, mi.Color3f(0)
+    if dr.hint(~solid, exclude=[shading, lights, pose, view, pixel, sample]):
+        sky = sky_radiance(shading.sky, ray.d, pixel.ddx, pixel.ddy, ~solid)
     color = dr.select(solid, _surface_color(shading, lights, pose, sample), sky)
     emission = dr.select(solid, sample.surface.emission, sky)
     transparency = mi.Float(0)
-    if shading.materials.blends:
+    if dr.hint(shading.materials.blends, mode="scalar"):
         layers, transmittance = _layers(shading, lights, pose, view, ray, pixel, sample)
         color, transparency = layers + transmittance * color, 1 - transmittance
     return Radiance(color, emission, sample.f_beta, transparency)
