@@ -148,6 +148,8 @@ def describe(
     json_: Json = False,
 ) -> None:
     """Say what a scene holds, which channels it needs and why, and what of it is not read."""
+    from dataclasses import asdict
+
     from .frame import Shoot
     from .scene import light_scene, load_scene
     from .scene.needs import channel_needs
@@ -167,7 +169,7 @@ def describe(
         "not read": missing,
     }
     if json_:
-        rows = {name: {"needed": n.needed, "why": n.why, "constant": n.constant, "same_as": n.same_as} for name, n in needs.items()}
+        rows = {name: asdict(need) for name, need in needs.items()}
         print(json.dumps(facts | {"channels": rows}, indent=1))
         return
     _print_table(described.name, ["", ""], [(key, value) for key, value in facts.items() if key != "not read"])

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 from .backend import dr, mi
 from .brdf import f0_of, look_up, pre_integrated
-from .geometry import Geometry, Hit, Pose, Triangle, trace, triangle_of
+from .geometry import Geometry, Pose
 from .materials import Footprint, MaterialTable, Surface, is_blended, is_opaque, opacity_of, surface_of
 from .projection import View, direction, project
+from .tracing import Hit, Triangle, trace, triangle_of
 
 # Past a layer that lets a ray through, it goes on behind this share of its parameter and of its origin's coordinates.
 SKIP, SKIP_ORIGIN = 1e-5, 1e-6

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from .backend import dr, mi
 from .channels import IN_FRONT_OF_PREVIOUS_CAMERA, INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
 from .gbuffer import GBuffer, Pixel, camera_ray, first_solid
-from .geometry import Geometry, Pose, point_of
+from .geometry import Geometry, Pose
 from .materials import MaterialTable
 from .projection import Projected, View, direction, project, project_direction
+from .tracing import point_of
 
 # A point counts as seen when the surface met on its way lies nearer by less than this share of its depth: float32 places
 # have a relative error of some 2^-22 after the transforms, and a surface at 1 degree grazing turns that into 1.4e-5 of z.

@@ -12,10 +12,11 @@ from .backend import dr, mi
 from .brdf import evaluate
 from .environment import Sky, build_sky, diffuse_light, sky_radiance, specular_light
 from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, camera_ray, describe_hit, first_solid, footprint_of
-from .geometry import Geometry, Pose, triangle_of
+from .geometry import Geometry, Pose
 from .materials import MaterialTable, build_materials, opacity_of
 from .projection import View
 from .scene.description import SceneDescription
+from .tracing import triangle_of
 from .transforms import Vector
 
 FLOATS_PER_LIGHT = 16

@@ -1,0 +1,110 @@
+"""Where rays meet triangles, and what interpolates over the triangle that was met."""
+
+from dataclasses import dataclass
+
+from .backend import dr, mi
+from .geometry import Geometry, Pose, Tables
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Where a ray met a triangle: object, face (of the object's mesh), barycentric (u, v) of its 2nd and 3rd vertex."""
+
+    valid: mi.Bool
+    object: mi.UInt32
+    face: mi.UInt32
+    uv: mi.Point2f
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """A hit's triangle in render space. position = v0 + u edge1 + v edge2; uv and its edges in texture space; normal is
+    the interpolated one, unit length, on the triangle's own side, and `geometric` the triangle's (edge1 x edge2)."""
+
+    position: mi.Point3f
+    edge1: mi.Vector3f
+    edge2: mi.Vector3f
+    geometric: mi.Vector3f
+    normal: mi.Vector3f
+    uv: mi.Point2f
+    uv_edge1: mi.Vector2f
+    uv_edge2: mi.Vector2f
+
+
+def trace(geometry: Geometry, pose: Pose, ray: mi.Ray3f, active: mi.Bool) -> tuple[Hit, mi.Float]:
+    """The first triangle along `ray`, and its distance in units of the ray's direction (infinite where there is none)."""
+    found = pose.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+    valid = active & found.is_valid()
+    number = dr.reinterpret_array(mi.UInt32, found.instance)
+    number = dr.select(number != 0, number, dr.reinterpret_array(mi.UInt32, found.shape))
+    index = dr.gather(mi.UInt32, geometry.tables.object_of_shape, number, valid)
+    return Hit(valid, index, found.prim_index, found.prim_uv), dr.select(valid, found.t, dr.inf)
+
+
+def point_of(tables: Tables, pose: Pose, hit: Hit) -> mi.Point3f:
+    """Place [3] in render space, at `pose`, of the material point that was hit: v0 + u e1 + v e2, then transformed."""
+    p0, p1, p2 = _corners(mi.Point3f, tables.positions, tables, hit)
+    local = p0 + hit.uv.x * (p1 - p0) + hit.uv.y * (p2 - p0)
+    return _transform(pose, hit).point(local)
+
+
+def triangle_of(tables: Tables, pose: Pose, hit: Hit) -> Triangle:
+    """Everything that interpolates over the hit's triangle. Degenerate triangles give finite values."""
+    matrix = _transform(pose, hit)
+    p0, p1, p2 = _corners(mi.Point3f, tables.positions, tables, hit)
+    n0, n1, n2 = _corners(mi.Normal3f, tables.normals, tables, hit)
+    t0, t1, t2 = _corners(mi.Point2f, tables.uv, tables, hit)
+    local1, local2 = p1 - p0, p2 - p0
+    u, v = hit.uv.x, hit.uv.y
+    edge1, edge2 = matrix.vector(local1), matrix.vector(local2)
+    geometric = _unit(dr.cross(edge1, edge2), mi.Vector3f(0, 0, 1))
+    smooth = n0 + u * (n1 - n0) + v * (n2 - n0)
+    normal = _unit(_cofactor(matrix).vector(smooth), geometric)  # objects without normals have zeros here
+    return Triangle(
+        position=matrix.point(p0 + u * local1 + v * local2),
+        edge1=edge1,
+        edge2=edge2,
+        geometric=dr.select(dr.dot(geometric, normal) < 0, -geometric, geometric),
+        normal=normal,
+        uv=t0 + u * (t1 - t0) + v * (t2 - t0),
+        uv_edge1=t1 - t0,
+        uv_edge2=t2 - t0,
+    )
+
+
+def _unit(vector: mi.Vector3f, otherwise: mi.Vector3f) -> mi.Vector3f:
+    largest = dr.max(dr.abs(vector))
+    scaled = vector / dr.select(largest > 0, largest, 1)  # squares of tiny edges would underflow
+    return dr.select(largest > 0, dr.normalize(scaled), otherwise)
+
+
+def _corners(kind, values, tables: Tables, hit: Hit):
+    face = dr.gather(mi.UInt32, tables.first_face, hit.object, hit.valid) + hit.face
+    vertices = dr.gather(mi.Vector3u, tables.faces, face, hit.valid)
+    return (dr.gather(kind, values, vertices[k], hit.valid) for k in range(3))
+
+
+class _Affine:
+    """Rows of a 3x4 matrix on the device."""
+
+    def __init__(self, rows: list[mi.Vector4f]):
+        self.rows = rows
+
+    def point(self, p) -> mi.Point3f:
+        return mi.Point3f(*(r.x * p.x + r.y * p.y + r.z * p.z + r.w for r in self.rows))
+
+    def vector(self, v) -> mi.Vector3f:
+        return mi.Vector3f(*(r.x * v.x + r.y * v.y + r.z * v.z for r in self.rows))
+
+
+def _transform(pose: Pose, hit: Hit) -> _Affine:
+    rows = [dr.gather(mi.Vector4f, pose.render_from_object, hit.object * 3 + k, hit.valid) for k in range(3)]
+    return _Affine(rows)
+
+
+def _cofactor(matrix: _Affine) -> _Affine:
+    """Matrix that takes normals: cofactors of the linear part, times the sign of its determinant."""
+    a, b, c = (mi.Vector3f(row.x, row.y, row.z) for row in matrix.rows)
+    sign = dr.sign(dr.dot(a, dr.cross(b, c)))
+    rows = [dr.cross(b, c) * sign, dr.cross(c, a) * sign, dr.cross(a, b) * sign]
+    return _Affine([mi.Vector4f(row.x, row.y, row.z, 0) for row in rows])
