@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from framepairs.camera_path import CameraPath, make_camera_path
 from framepairs.channels import CHANNELS
 from framepairs.frame import Shoot

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from analytic import at, constant_sky, make_scene, path_of, plan_of, quad
 from framepairs.job import Job
 from framepairs.pipeline import render_sequence

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from framepairs.backend import dr, mi
 from framepairs.brdf import brdf_table, evaluate, f0_of, look_up, pre_integrated
 

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from analytic import at, constant_sky, make_scene, path_of, plan_of, quad
 from framepairs.channels import CHANNELS
 from framepairs.corpus import Corpus

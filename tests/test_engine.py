@@ -1,6 +1,7 @@
 """What the engine compiles and runs: one kernel per pass, replayed; passes that nobody needs never run."""
 
 import numpy as np
+
 from analytic import ALL, Stage, at, make_scene, path_of, quad
 from framepairs.backend import dr
 from framepairs.scene.description import Material

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from analytic import Stage, at, camera_basis, fractions, make_scene, path_of, quad
 from framepairs.jitter import jitter
 from framepairs.scene.description import Material, Mesh, Slot, Texture

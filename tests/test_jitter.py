@@ -58,7 +58,7 @@ def test_jitter_over_a_period_has_a_small_mean(length):
         assert abs(sum(jitter(frame, length)[axis] for frame in range(length)) / length) <= bound / 2
 
 
-@pytest.mark.parametrize(("scale", "length"), [(1, 8), (1.5, 18), (1.7, 23), (2, 32), (2.7, 58), (3, 72), (4, 128)])
+@pytest.mark.parametrize(("scale", "length"), [(1, 8), (1.3, 13), (1.5, 18), (1.7, 23), (2, 32), (2.7, 58), (3, 72), (4, 128)])
 def test_default_length_is_that_of_fsr_2(scale, length):
     # FSR 2's ffxFsr2GetJitterPhaseCount(renderWidth, displayWidth): int(8 * (display / render)^2).
     assert default_length(scale) == length

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from analytic import Stage, at, camera_basis, fractions, make_scene, path_of, project, quad
 from framepairs.scene.description import Material
 from framepairs.transforms import look_at

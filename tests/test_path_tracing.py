@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analytic import at, constant_sky, make_scene, quad
 from framepairs.backend import dr, mi
 from framepairs.conventions import Stream
 from framepairs.engine import Engine
@@ -19,39 +20,17 @@ from framepairs.frame import CameraState, FrameState
 from framepairs.path_tracing import PathTracer, path_color
 from framepairs.plan import RenderPlan
 from framepairs.projection import direction, view_of
-from framepairs.scene.description import (
-    Environment,
-    Light,
-    Material,
-    Mesh,
-    SceneDescription,
-    SceneObject,
-    Slot,
-    Texture,
-)
-from framepairs.transforms import look_at, translation
+from framepairs.scene.description import Environment, Light, Material, Mesh, Slot, Texture
+from framepairs.transforms import look_at
 
 pytestmark = pytest.mark.renders
 
 SIZE = (12, 8)
 LR = Stream(name="lr", size=SIZE)
-WHITE_SKY = Environment(name="white", texels=np.ones((4, 8, 3), np.float32))
-BLACK_SKY = Environment(name="black", texels=np.zeros((4, 8, 3), np.float32))
+WHITE_SKY = constant_sky((1, 1, 1))
 MATT = Material(name="matt", base_color=(0.4, 0.4, 0.4), roughness=0.5, specular=0.0)
 LAMP = Material(name="lamp", base_color=(0, 0, 0), roughness=1.0, specular=0.0, emission=(3.0, 2.0, 1.0))
 DOWN = Light(name="sun", kind="directional", radiance=(np.pi, 2 * np.pi, 3 * np.pi), direction=(0, 0, -1))
-
-
-def quad(width=1.0, height=1.0, **changes) -> Mesh:
-    """In the plane z = 0, facing +z, `width` x `height`, uv from lower left to upper right."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * (width / 2, height / 2, 0)
-    mesh = Mesh(
-        name="quad",
-        positions=corners.astype(np.float32),
-        faces=np.uint32([[0, 1, 2], [0, 2, 3]]),
-        uv=np.float32([[0, 0], [1, 0], [1, 1], [0, 1]]),
-    )
-    return replace(mesh, **changes)
 
 
 def box(smooth: bool) -> Mesh:
@@ -60,24 +39,6 @@ def box(smooth: bool) -> Mesh:
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = np.uint32([t for a, b, c, d in faces for t in ([a, b, c], [a, c, d])])
     return Mesh(name="box", positions=corners, faces=triangles, normals=2 * corners / 3**0.5 if smooth else None)
-
-
-def scene_of(things, textures=(), lights=(), sky=None) -> SceneDescription:
-    """`things`: (mesh, material, world_from_object) each."""
-    matrices = np.array([matrix for _, _, matrix in things], dtype=float).reshape(-1, 4, 4)
-    return SceneDescription(
-        name="test",
-        files=(),
-        meshes=tuple(mesh for mesh, _, _ in things),
-        materials=tuple(material for _, material, _ in things),
-        textures=tuple(textures),
-        objects=tuple(SceneObject(name=f"{k}", mesh=k, material=k, moves=True) for k in range(len(things))),
-        lights=tuple(lights),
-        environment=sky,
-        up_axis="Y",
-        metres_per_unit=1.0,
-        world_from_object=lambda time_s: matrices,
-    )
 
 
 def camera_at(position, target=(0, 0, 0), fov_y=1.0, near=0.1, far=1e4, aspect=1.5) -> CameraState:
@@ -117,7 +78,6 @@ def path_image(scene, camera=ABOVE, spp=1, depth=2, stream=LR, jitter=(0.0, 0.0)
 
 
 def raster_image(scene, channel, camera=ABOVE, stream=LR) -> np.ndarray:
-    scene = replace(scene, environment=scene.environment or BLACK_SKY)
     engine = Engine(scene, RenderPlan(display=stream.size, brdf_table=8))
     return engine.render(state_of(scene, camera), stream, frozenset({channel}), 1).arrays[channel]
 
@@ -130,20 +90,22 @@ def mean_and_error(image) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("roughness", [0.25, 1.0])
 def test_white_furnace(roughness):
-    scene = scene_of([(quad(50, 50), replace(MATT, roughness=roughness), np.eye(4))], sky=WHITE_SKY)
+    scene = make_scene((quad(50, 50), replace(MATT, roughness=roughness), np.eye(4)), sky=WHITE_SKY)
     mean, error = mean_and_error(path_image(scene, spp=256, depth=6))
     exact = 0.4 * (1 + (2 * roughness - 1) / 42 + roughness / 84)
     assert np.all(error < 2e-3) and np.all(np.abs(mean - exact) < 4 * error)
 
 
-def test_directional_light_gives_irradiance_times_albedo_over_pi():
-    image = path_image(scene_of([(quad(50, 50), MATT, np.eye(4))], lights=[DOWN]))
+@pytest.mark.parametrize("matrix", [np.eye(4), np.diag([1.0, 1, -1, 1]), np.diag([-1.0, 1, 1, 1])])
+def test_directional_light_gives_irradiance_times_albedo_over_pi(matrix):
+    """Whichever way the surface faces."""
+    image = path_image(make_scene((quad(50, 50), MATT, matrix), lights=(DOWN,)))
     np.testing.assert_allclose(image, np.broadcast_to([0.4, 0.8, 1.2], image.shape), rtol=1e-5)  # no noise: one light
 
 
 def test_point_light_falls_off_with_the_squared_distance():
     light = Light(name="point", kind="point", radiance=(np.pi, np.pi, np.pi), position=(0, 0, 50), direction=(0, 0, 1))
-    scene = scene_of([(quad(50, 50), MATT, np.eye(4))], lights=[light])
+    scene = make_scene((quad(50, 50), MATT, np.eye(4)), lights=(light,))
     # within 1.57 of the foot, 1 / d^2 and the cosine stay within 0.2 % of their values there; the light shines everywhere
     np.testing.assert_allclose(path_image(scene, origin=(7, -3, 20)), 0.4 / 50**2, rtol=2e-3)
 
@@ -152,7 +114,7 @@ def test_point_light_falls_off_with_the_squared_distance():
 def test_spot_fades_linearly_in_the_cosine(cosine, share):
     aim = (0, (1 - cosine**2) ** 0.5, -cosine)
     light = Light(name="spot", kind="spot", radiance=(1, 1, 1), position=(0, 0, 500), direction=aim, cone=(0.9, 0.7))
-    scene = scene_of([(quad(50, 50), MATT, np.eye(4))], lights=[light])
+    scene = make_scene((quad(50, 50), MATT, np.eye(4)), lights=(light,))
     centre = path_image(scene)[3:5, 5:7].mean()  # 0.1 off the axis: the cosine is right to 2e-4
     assert centre == pytest.approx(share * 0.4 / np.pi / 500**2, rel=5e-3, abs=1e-12)
 
@@ -163,7 +125,7 @@ def textured(texels, uv=((1, 0, 0), (0, 1, 0)), wrap=("repeat", "repeat"), **cha
     material = replace(MATT, base_color=(1, 1, 1), base_texture=Slot(texture=0, uv=uv), **changes)
     height = 200 * np.tan(np.radians(0.5))
     sun = replace(DOWN, radiance=(np.pi,) * 3)
-    return scene_of([(quad(1.5 * height, height), material, np.eye(4))], textures=[texture], lights=[sun])
+    return make_scene((quad(1.5 * height, height), material, np.eye(4)), textures=(texture,), lights=(sun,))
 
 
 def random_texels(height, width, seed=0) -> np.ndarray:
@@ -199,15 +161,26 @@ def disney(roughness, normal, to_eye, to_light) -> float:
 @pytest.mark.parametrize("flip_u, flip_v", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
 def test_normal_map_bends_as_in_raster(flip_u, flip_v):
     texels = np.tile(np.float32([0.45, 0.25, 0.857, 1]), (2, 3, 1))
-    uv = quad().uv * (flip_u, flip_v)
+    uv = quad(1, 1).uv * (flip_u, flip_v)
     light = replace(DOWN, radiance=(np.pi,) * 3, direction=(-0.48, -0.6, -0.64))
     material = replace(MATT, normal_texture=Slot(texture=0), normal_scale=0.8)
     texture = Texture(name="normals", texels=texels, srgb=False)
-    scene = scene_of([(quad(50, 50, uv=np.float32(uv)), material, np.eye(4))], textures=[texture], lights=[light])
+    scene = make_scene((replace(quad(50, 50), uv=np.float32(uv)), material, np.eye(4)), textures=(texture,), lights=(light,))
     normal, to_light, to_eye = raster_image(scene, "normal")[4, 6], -np.array(light.direction), np.array([0, 0, 1.0])
     assert np.sign(normal[:2]) == pytest.approx([flip_u, flip_v])
     expected = 0.4 * disney(0.5, normal, to_eye, to_light) * (normal @ to_light)
     np.testing.assert_allclose(path_image(scene)[4, 6], expected, rtol=2e-3)  # normals are kept in half precision
+
+
+def test_normals_follow_matrices_that_stretch_and_mirror():
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[2, 0.5, 0.1], [0.3, -0.7, 0], [0.2, 0.4, 1.5]]
+    leaning = np.tile(np.float32([0.36, 0.48, 0.8]), (4, 1))
+    scene = make_scene((replace(quad(50, 50), normals=leaning), MATT, matrix), lights=(replace(DOWN, radiance=(np.pi,) * 3),))
+    normal, above = raster_image(scene, "normal")[4, 6], np.array([0, 0, 1.0])
+    assert 0.3 < normal[2] < 0.9
+    expected = 0.4 * disney(0.5, normal, above, above) * normal[2]
+    np.testing.assert_allclose(path_image(scene)[4, 6], expected, rtol=1e-4)
 
 
 def sky_with_one_bright_texel() -> Environment:
@@ -227,7 +200,7 @@ def seen_in(sky: Environment, directions) -> np.ndarray:
 @pytest.mark.parametrize("target", [(1, 0, 0), (0, 0, 1), (-1, 0.3, -0.4), (0.1, 1, 0), (0.2, -1, 0)])
 def test_visible_sky_is_rasters(target):
     sky, camera = sky_with_one_bright_texel(), camera_at((0, 0, 0), target, fov_y=80)
-    image = path_image(scene_of([], sky=sky), camera)
+    image = path_image(make_scene(sky=sky), camera)
     fractions = [((i + 0.5) / SIZE[0], (j + 0.5) / SIZE[1]) for j in range(SIZE[1]) for i in range(SIZE[0])]
     x, y = (mi.Float(np.float32(column)) for column in zip(*fractions, strict=True))
     expected = seen_in(sky, np.array(direction(view_of(camera, np.zeros(3)), x, y)).T)
@@ -235,7 +208,7 @@ def test_visible_sky_is_rasters(target):
 
 
 def test_a_sun_is_not_seen():
-    assert np.all(path_image(scene_of([], lights=[DOWN]), camera_at((0, 0, 0), (0, 0, 1), fov_y=80)) == 0)
+    assert np.all(path_image(make_scene(lights=(DOWN,)), camera_at((0, 0, 0), (0, 0, 1), fov_y=80)) == 0)
 
 
 @pytest.mark.parametrize("facing", [(0, 0, 1), (1, 0.2, -0.3), (-0.5, -0.7, 0.2)])
@@ -244,7 +217,7 @@ def test_light_of_the_sky_comes_from_where_it_is_seen(facing):
     matrix = look_at(np.array(facing, float), np.zeros(3), np.array([0, 1.0, 0]))  # takes +z to `facing`
     matrix[:3, 3] = 0
     normal = matrix[:3, 2]
-    scene = scene_of([(quad(50, 50), MATT, matrix)], sky=sky)
+    scene = make_scene((quad(50, 50), MATT, matrix), sky=sky)
     mean, error = mean_and_error(path_image(scene, camera_at(100 * normal), spp=512))
     theta, phi = np.meshgrid((np.arange(720) + 0.5) / 720 * np.pi, np.arange(1440) / 1440 * 2 * np.pi, indexing="ij")
     around = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1).reshape(-1, 3)
@@ -257,7 +230,7 @@ def test_light_of_the_sky_comes_from_where_it_is_seen(facing):
 
 
 def test_equal_calls_give_equal_bytes():
-    scene = scene_of([(quad(50, 50), MATT, np.eye(4)), (box(True), LAMP, translation(np.array([0, 0, 2])))], sky=WHITE_SKY)
+    scene = make_scene((quad(50, 50), MATT, np.eye(4)), (box(True), LAMP, at(0, 0, 2)), sky=WHITE_SKY)
     first, second = (path_image(scene, spp=8, depth=4) for _ in range(2))
     assert first.std() > 0 and first.tobytes() == second.tobytes()
 
@@ -271,10 +244,10 @@ def test_samples_that_are_not_finite_count_as_nothing():
 
 
 def test_a_frame_alone_equals_itself_after_others():
-    mover = [np.eye(4), translation(np.array([0.3, 0.1, 1.5])) @ np.diag([1, -0.7, 1.2, 1])]
+    mover = [np.eye(4), at(0.3, 0.1, 1.5) @ np.diag([1, -0.7, 1.2, 1])]
     light = Light(name="point", kind="point", radiance=(9, 8, 7), position=(1, 2, 3))
-    scene = scene_of([(quad(50, 50), MATT, mover[0]), (box(True), LAMP, mover[1])], lights=[light], sky=WHITE_SKY)
-    other = np.array([np.diag([2.0, 1, 1, 1]), translation(np.array([-0.5, 0.2, 1.1]))])
+    scene = make_scene((quad(50, 50), MATT, mover[0]), (box(True), LAMP, mover[1]), lights=(light,), sky=WHITE_SKY)
+    other = np.array([np.diag([2.0, 1, 1, 1]), at(-0.5, 0.2, 1.1)])
     states = [
         state_of(scene, frame=0),
         state_of(scene, frame=1, matrices=other, origin=(3, 0, 1)),
@@ -290,7 +263,7 @@ def test_a_frame_alone_equals_itself_after_others():
 
 
 def test_seed_frame_and_stream_change_the_noise_but_not_the_mean():
-    scene = scene_of([(quad(50, 50), MATT, np.eye(4))], sky=sky_with_one_bright_texel())
+    scene = make_scene((quad(50, 50), MATT, np.eye(4)), sky=sky_with_one_bright_texel())
     plan = RenderPlan(shading="path", samples_per_pixel=64, max_depth=2)
     tracer, first, later = PathTracer(scene, plan), state_of(scene), state_of(scene, frame=1)
     other = Stream(name="other", size=SIZE)
@@ -307,8 +280,8 @@ def leaf_before_a_floor(alpha, opacities, camera_z) -> np.ndarray:
     texels[..., 3] = opacities
     leaf = replace(MATT, base_color=(0.1, 0.2, 0.3), alpha=alpha, base_texture=Slot(texture=0))
     texture = Texture(name="leaf", texels=texels, srgb=False, wrap=("clamp", "clamp"))
-    things = [(quad(50, 50), MATT, np.eye(4)), (quad(4, 4), leaf, translation(np.array([0, 0, 1])))]
-    scene = scene_of(things, textures=[texture], lights=[replace(DOWN, radiance=(np.pi,) * 3)])
+    things = [(quad(50, 50), MATT, np.eye(4)), (quad(4, 4), leaf, at(0, 0, 1))]
+    scene = make_scene(*things, textures=(texture,), lights=(replace(DOWN, radiance=(np.pi,) * 3),))
     fov_y = np.degrees(2 * np.arctan(0.8 / camera_z))
     return path_image(scene, camera_at((0, 0, camera_z), fov_y=fov_y))
 
@@ -331,8 +304,19 @@ def test_a_blended_leaf_takes_its_share_of_the_sun():
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_emission_is_seen_from_both_sides(side):
-    image = path_image(scene_of([(quad(50, 50), LAMP, np.eye(4))]), camera_at((0, 0, 100 * side)))
+    image = path_image(make_scene((quad(50, 50), LAMP, np.eye(4))), camera_at((0, 0, 100 * side)))
     np.testing.assert_allclose(image, np.broadcast_to([3, 2, 1], image.shape), rtol=1e-5)
+
+
+def test_emission_is_thinned_by_opacity():
+    texels = np.ones((2, 2, 4), np.float32)
+    texels[:, 0, 3] = 0.25
+    cloud = replace(LAMP, alpha="blend", base_texture=Slot(texture=0))
+    texture = Texture(name="cloud", texels=texels, srgb=False, wrap=("clamp", "clamp"))
+    image = path_image(
+        make_scene((quad(60, 60), cloud, np.eye(4)), textures=(texture,)), camera_at((0, 0, 100), fov_y=20), spp=16
+    )
+    np.testing.assert_allclose(image[:, [0, -1]], np.multiply.outer([[0.25, 1]] * 8, [3, 2, 1]), rtol=1e-5)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -343,10 +327,11 @@ def test_a_square_lamp_lights_the_floor(turned):
     lamp = replace(LAMP, emission=(1, 2, 3), emission_texture=Slot(texture=0, uv=((3, 0, 0), (0, 5, 0))))
     texels = np.zeros((4, 4, 4), np.float32)
     texels[:, ::2] = 1
-    matrix = translation(np.array([0, 0, height])) @ np.diag([1, 1, -1 if turned else 1, 1])
-    scene = scene_of(
-        [(quad(50, 50), MATT, np.eye(4)), (quad(side, side), lamp, matrix)],
-        textures=[Texture(name="stripes", texels=texels, srgb=False)],
+    matrix = at(0, 0, height) @ np.diag([1, 1, -1 if turned else 1, 1])
+    scene = make_scene(
+        (quad(50, 50), MATT, np.eye(4)),
+        (quad(side, side), lamp, matrix),
+        textures=(Texture(name="stripes", texels=texels, srgb=False),),
     )
     camera = camera_at((0, 0, 50), fov_y=2)
     mean, error = mean_and_error(path_image(scene, camera, spp=1024))
@@ -359,20 +344,17 @@ def test_a_square_lamp_lights_the_floor(turned):
 def test_smooth_normals_do_not_change_what_a_lamp_gives():
     images = []
     for smooth in (False, True):
-        things = [(quad(50, 50), MATT, np.eye(4)), (box(smooth), LAMP, translation(np.array([0, 0.2, 1.2])))]
-        images.append(path_image(scene_of(things), camera_at((3, 0, 3), fov_y=10), spp=1024))
+        things = [(quad(50, 50), MATT, np.eye(4)), (box(smooth), LAMP, at(0, 0.2, 1.2))]
+        images.append(path_image(make_scene(*things), camera_at((3, 0, 3), fov_y=10), spp=1024))
     (flat, error), (smooth, other) = (mean_and_error(image) for image in images)
     flat_noise = np.abs(images[0] - images[1]).mean() / len(images[0].ravel()) ** 0.5
     assert np.all(np.abs(flat - smooth) < 5 * flat_noise + 2e-3 * flat)
 
 
 def test_an_object_moves_with_its_matrix():
-    scene = scene_of([(quad(0.6, 0.6), LAMP, np.eye(4))])
+    scene = make_scene((quad(0.6, 0.6), LAMP, np.eye(4)))
     tracer, pixel = PathTracer(scene, RenderPlan(shading="path")), 200 * np.tan(np.radians(0.5)) / SIZE[1]
-    images = [
-        render(tracer, state_of(scene, matrices=translation(pixel * np.array([x, y, 0]))[None]))
-        for x, y in ((0, 0), (3, 0), (3, 2))
-    ]
+    images = [render(tracer, state_of(scene, matrices=at(pixel * x, pixel * y, 0)[None])) for x, y in ((0, 0), (3, 0), (3, 2))]
     assert 0 < images[0].sum() and images[0][4, 6].any()
     np.testing.assert_allclose(images[1], np.roll(images[0], 3, axis=1))
     np.testing.assert_allclose(images[2], np.roll(images[1], -2, axis=0))
@@ -390,7 +372,7 @@ SLANTED = look_at(np.zeros(3), np.array([0, 0, -1.0]), np.array([0.3, 1, 0]))
     ],
 )
 def test_primary_rays_meet_what_the_g_buffer_does(stream, jitter, monkeypatch):
-    scene = scene_of([(quad(1.3, 0.9), replace(LAMP, emission=(1, 1, 1)), SLANTED)])
+    scene = make_scene((quad(1.3, 0.9), replace(LAMP, emission=(1, 1, 1)), SLANTED))
     monkeypatch.setattr("framepairs.engine.jitter", lambda frame, length: jitter)
     covered = raster_image(scene, "object_id", stream=replace(stream, jittered=True)) > 0
     image = path_image(scene, spp=3, stream=stream, jitter=jitter)
@@ -399,7 +381,7 @@ def test_primary_rays_meet_what_the_g_buffer_does(stream, jitter, monkeypatch):
 
 
 def test_anti_aliasing_positions_are_rasters():
-    scene = scene_of([(quad(1.3, 0.9), replace(LAMP, emission=(1, 1, 1)), SLANTED)])
+    scene = make_scene((quad(1.3, 0.9), replace(LAMP, emission=(1, 1, 1)), SLANTED))
     stream = replace(LR, samples=8)
     for spp in (1, 8, 20):  # at least one path each, else as many as go evenly
         image = path_image(scene, spp=spp, stream=stream)
@@ -408,8 +390,8 @@ def test_anti_aliasing_positions_are_rasters():
 
 
 def test_near_and_far_planes_cut():
-    things = [(quad(9, 9), LAMP, np.eye(4)), (quad(9, 9), replace(LAMP, emission=(0, 1, 0)), translation(np.array([0, 0, 9])))]
-    scene = scene_of(things, sky=WHITE_SKY)
+    things = [(quad(9, 9), LAMP, np.eye(4)), (quad(9, 9), replace(LAMP, emission=(0, 1, 0)), at(0, 0, 9))]
+    scene = make_scene(*things, sky=WHITE_SKY)
     seen = [path_image(scene, camera_at((0, 0, 100), near=near, far=far))[4, 6] for near, far in ((1, 500), (92, 500), (1, 90))]
     np.testing.assert_allclose(seen, [[0, 1, 0], [3, 2, 1], [1, 1, 1]], rtol=1e-5)
 
@@ -420,26 +402,34 @@ def test_size_of_the_scene_does_not_matter():
     for scale in (1.0, 2.0**-16):
         shrunk = np.diag([scale, scale, scale, 1])
         light = Light(name="point", kind="point", radiance=(9 * scale**2,) * 3, position=(scale, 2 * scale, 3 * scale))
-        things = [(quad(4, 4), MATT, shrunk), (box(True), LAMP, shrunk @ translation(np.array([0, 0.2, 1.2])))]
-        scene = scene_of(things, lights=[light], sky=WHITE_SKY)
+        things = [(quad(4, 4), MATT, shrunk), (box(True), LAMP, shrunk @ at(0, 0.2, 1.2))]
+        scene = make_scene(*things, lights=(light,), sky=WHITE_SKY)
         camera = camera_at((3 * scale, 0, 9 * scale), fov_y=20, near=0.5 * scale, far=1e3 * scale)
         images.append(path_image(scene, camera, spp=4, depth=4))
     assert images[0].std() > 0 and images[0].tobytes() == images[1].tobytes()
 
 
 def test_vanishing_normals_are_replaced_by_the_triangles():
-    lying = [quad(50, 50, normals=normals) for normals in (None, np.zeros((4, 3), np.float32))]
-    flat, gone = (path_image(scene_of([(mesh, MATT, np.eye(4))], lights=[DOWN])) for mesh in lying)
+    lying = [replace(quad(50, 50), normals=normals) for normals in (None, np.zeros((4, 3), np.float32))]
+    flat, gone = (path_image(make_scene((mesh, MATT, np.eye(4)), lights=(DOWN,))) for mesh in lying)
     np.testing.assert_allclose(gone, flat, rtol=1e-5)
 
 
 def test_frames_share_their_kernels():
     light = Light(name="point", kind="point", radiance=(9, 8, 7), position=(1, 2, 3))
-    scene = scene_of([(quad(50, 50), MATT, np.eye(4)), (box(True), LAMP, np.eye(4))], lights=[light, DOWN], sky=WHITE_SKY)
+    scene = make_scene(
+        (quad(50, 50), MATT, np.eye(4)),
+        (box(True), LAMP, np.eye(4)),
+        lights=(
+            light,
+            DOWN,
+        ),
+        sky=WHITE_SKY,
+    )
     tracer = PathTracer(scene, RenderPlan(shading="path", samples_per_pixel=4))
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         for frame in range(5):
-            matrices = np.array([np.eye(4), translation(np.array([0.1 * frame, 0, 1]))])
+            matrices = np.array([np.eye(4), at(0.1 * frame, 0, 1)])
             camera = camera_at((0, 0.3 * frame, 9), fov_y=20 + frame)
             state = state_of(scene, camera, frame=frame, matrices=matrices, origin=(frame, 0, 0))
             render(tracer, state, jitter=(0.1 * frame, -0.2), seed=frame)

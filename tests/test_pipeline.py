@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from framepairs.channels import CHANNELS
 from framepairs.corpus import Corpus
 from framepairs.errors import FramepairsError, InputError, MachineError

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from analytic import at
 from framepairs.backend import dr, mi
 from framepairs.frame import CameraState

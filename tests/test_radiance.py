@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from analytic import Stage, at, constant_sky, make_scene, path_of, quad
 from framepairs.scene.description import Environment, Light, Material, rotation_from_y_up
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from framepairs.backend import dr, mi
 from framepairs.scene.description import Texture
 from framepairs.textures import build_textures, mip_pyramid, sample_level, sample_texture

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from framepairs.corpus import Corpus
 from framepairs.errors import InputError
 from framepairs.metrics import psnr, ssim, to_display

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+
 from framepairs.channels import CHANNEL
 from framepairs.corpus import Corpus
 from framepairs.exr import encode

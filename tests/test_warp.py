@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from framepairs.backend import jit
 from framepairs.warp import bilinear, catmull_rom, fetch, nearest, pixel_centres, to_array, to_image
 

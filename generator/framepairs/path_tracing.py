@@ -318,7 +318,11 @@ class _Lamp(mi.Emitter):
 def _distant_lights(scene: SceneDescription) -> list[dict]:
     suns = [light for light in scene.lights if light.kind == "directional"]
     lights = [
-        {"type": "directional", "direction": list(sun.direction), "irradiance": {"type": "rgb", "value": list(sun.radiance)}}
+        {
+            "type": "directional",
+            "direction": list(sun.direction),
+            "irradiance": {"type": "rgb", "value": list(sun.radiance)},
+        }
         for sun in suns
     ]
     return lights + ([_sky(scene.environment)] if scene.environment and scene.environment.texels.any() else [])

@@ -1,0 +1,171 @@
+"""The command line as its users meet it: exit codes, one line for each error, and nothing left behind."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+QUAD_OBJ = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n"
+STILL = {
+    "version": 1,
+    "fps": 4,
+    "keyframes": [{"time": 0, "position": [0, 0, 4], "look_at": [0, 0, 0], "hold": 0.5}],
+}
+TINY = ["--display", "32x18", "--aa", "2"]
+
+
+def framepairs(*arguments, cwd: Path | None = None, **environment) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "framepairs.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "quad.obj").write_text(QUAD_OBJ)
+    (folder / "still.json").write_text(json.dumps(STILL))
+    (folder / "broken.json").write_text('{"version": 1,')
+    (folder / "unknown.json").write_text(json.dumps(STILL | {"frames_per_second": 3}))
+    twice = STILL | {"keyframes": [STILL["keyframes"][0] | {"hold": 0}] * 2}
+    (folder / "twice.json").write_text(json.dumps(twice))
+    pose = {"time": 0, "world_from_camera": [[1, 0, 0, float("nan")], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
+    (folder / "nan.json").write_text(json.dumps({"version": 1, "poses": [pose]}))
+    (folder / "plan.json").write_text(json.dumps({"displai": [32, 18]}))
+    (folder / "textured.usda").write_text(
+        '#usda 1.0\ndef Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"]) {\n'
+        "  int[] faceVertexCounts = [3]\n  int[] faceVertexIndices = [0, 1, 2]\n"
+        "  point3f[] points = [(0,0,0), (1,0,0), (0,1,0)]\n  rel material:binding = </mat>\n}\n"
+        'def Material "mat" {\n  token outputs:surface.connect = </mat/s.outputs:surface>\n'
+        '  def Shader "s" {\n    uniform token info:id = "UsdPreviewSurface"\n'
+        "    color3f inputs:diffuseColor.connect = </mat/t.outputs:rgb>\n    token outputs:surface\n  }\n"
+        '  def Shader "t" {\n    uniform token info:id = "UsdUVTexture"\n    asset inputs:file = @gone.png@\n'
+        "    float3 outputs:rgb\n  }\n}\n"
+    )
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["render", "nosuch"], "nosuch: no such scene"),
+        (["render", "quad.obj", "--camera", "nosuch"], "nosuch: no such camera path"),
+        (["render", "quad.obj", "--camera", "broken.json"], "broken.json: not JSON"),
+        (["render", "quad.obj", "--camera", "unknown.json"], "unknown.json, frames_per_second"),
+        (["render", "quad.obj", "--camera", "twice.json"], "two keyframes at time 0"),
+        (["render", "quad.obj", "--camera", "nan.json"], "nan.json, poses.0.world_from_camera"),
+        (["render", "quad.obj", "--plan", "plan.json"], "plan.json, displai"),
+        (["render", "quad.obj", "--scale", "0.5"], "scales.0"),
+        (["render", "quad.obj", "--scale", "nan"], "scales.0"),
+        (["render", "quad.obj", "--display", "0x18"], "display.0"),
+        (["render", "quad.obj", "--display", "big"], "1920x1080"),
+        (["render", "quad.obj", "--frames", "0:99"], "0:99 does not lie in 0:32"),
+        (["render", "quad.obj", "--frames", "5"], "must look like 0:32"),
+        (["render", "quad.obj", "--channels", "colour"], "unknown 'colour'"),
+        (["render", "quad.obj", "--streams", "sharp"], "variants.0"),
+        (["render", "quad.obj", "--backend", "metal"], "auto, llvm or cuda"),
+        (["render", "quad.obj", "--environment", "gone.hdr"], "no such environment"),
+        (["render", "textured.usda"], "missing texture"),
+        (["render", "still.json"], "unknown scene format"),
+        (["render", "quad.obj", "--out", "still.json"], "cannot be written"),
+        (["render"], "Missing argument"),
+        (["render", "quad.obj", "--colour"], "No such option"),
+        (["validate", "gone"], "not a corpus"),
+        (["upscale", "gone"], "not a corpus"),
+        (["preview", "gone"], "not a corpus"),
+        (["regenerate", "gone", "--scale", "2"], "not a corpus"),
+        (["describe", "gone.usd"], "no such scene"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_exit_2_and_leaves_nothing(files, tmp_path, arguments, words):
+    shutil.copytree(files, tmp_path / "here")
+    before = sorted(file.name for file in (tmp_path / "here").rglob("*"))
+    done = framepairs(*arguments, cwd=tmp_path / "here")
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    assert done.returncode == 2, done.stderr
+    assert len(lines) == 1 and lines[0].startswith("framepairs: ") and words in lines[0], done.stderr
+    assert sorted(file.name for file in (tmp_path / "here").rglob("*")) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write into read-only folders")
+def test_a_read_only_folder_is_refused(files, tmp_path):
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    done = framepairs("render", files / "quad.obj", "--out", folder / "c", *TINY)
+    assert done.returncode == 2 and "cannot be written" in done.stderr and not list(folder.iterdir())
+
+
+@pytest.fixture(scope="module")
+def corpus(files, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("cli") / "c"
+    arguments = ["--camera", files / "still.json", "--scale", 2, *TINY, "--out", out, "--json"]
+    done = framepairs("render", files / "quad.obj", *arguments)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert (summary["frames"], summary["rendered"], summary["sequence"]) == (3, 3, "quad_still")
+    return out
+
+
+def test_rendering_again_resumes_and_a_different_plan_is_refused(corpus, files):
+    same = ["render", files / "quad.obj", "--camera", files / "still.json", "--scale", 2, "--display", "32x18", "--out", corpus]
+    assert json.loads(framepairs(*same, "--aa", 2, "--json").stdout)["rendered"] == 0
+    other = framepairs(*same, "--aa", 4)
+    assert other.returncode == 2 and "plan.antialiasing" in other.stderr
+
+
+def test_regenerate_adds_a_scale_and_keeps_hr(corpus, tmp_path):
+    before = {file: file.read_bytes() for file in corpus.rglob("hr/*/*.exr")}
+    done = framepairs("regenerate", corpus, "--scale", "2.7", "--json")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((corpus / "quad_still/frames/000001.json").read_text())
+    assert record["streams"]["lr_x2.7"]["size"] == [12, 7]  # floor(32 / 2.7 + 0.5), floor(18 / 2.7 + 0.5)
+    assert all(file.read_bytes() == data for file, data in before.items())
+    elsewhere = framepairs("regenerate", corpus, "--scale", "1.5", "--out", tmp_path / "new", "--json")
+    assert elsewhere.returncode == 0, elsewhere.stderr
+    assert all((tmp_path / "new" / file.relative_to(corpus)).read_bytes() == data for file, data in before.items())
+    assert framepairs("validate", corpus, "--quiet").returncode == 0
+
+
+def test_validate_exits_1_and_names_the_file(corpus, tmp_path):
+    broken = shutil.copytree(corpus, tmp_path / "broken")
+    next(broken.rglob("hr/color/000001.exr")).write_bytes(b"no")
+    done = framepairs("validate", broken, "--json")
+    verdicts = {row["id"]: row["verdict"] for row in json.loads(done.stdout)}
+    assert done.returncode == 1 and verdicts["files"] == "fail" and verdicts["schema"] == "pass"
+    assert "color/000001.exr" in done.stderr
+
+
+def test_preview_and_upscale_write_what_they_say(corpus, tmp_path):
+    done = framepairs("preview", corpus, "--out", tmp_path / "sheets")
+    assert done.returncode == 0 and all(Path(line).is_file() for line in done.stdout.split())
+    done = framepairs("upscale", corpus, "--method", "bicubic", "--json")
+    rows = json.loads(done.stdout)
+    assert done.returncode == 0 and {row["method"] for row in rows} == {"bicubic"}
+    done = framepairs("upscale", corpus, "--method", "dlss")
+    assert done.returncode == 2 and "unknown method 'dlss'" in done.stderr
+
+
+def test_lists_and_descriptions(files):
+    assert "market" in framepairs("scenes").stdout and "market" in framepairs("cameras").stdout
+    told = json.loads(framepairs("describe", files / "quad.obj", "--json").stdout)
+    assert told["triangles"] == 2 and told["light"] == "default" and told["channels"]["overlay"]["needed"] is False
+
+
+def test_doctor_tells_what_to_install_where_nothing_works(tmp_path):
+    """A cache that claims every libLLVM broken stands for a machine without a working one."""
+    from framepairs.backend import _candidates
+    from importlib.metadata import version
+
+    memory = {}
+    for path, _ in _candidates():
+        stat = os.stat(path)
+        memory[f"{path}:{stat.st_size}:{stat.st_mtime_ns}:{version('drjit')}"] = "fails (for this test)"
+    (tmp_path / "framepairs").mkdir()
+    (tmp_path / "framepairs" / "libllvm.json").write_text(json.dumps(memory))
+    done = framepairs("doctor", XDG_CACHE_HOME=str(tmp_path))
+    assert done.returncode == 1 and "apt-get install libllvm19" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert framepairs("doctor").returncode == 0

@@ -1,0 +1,179 @@
+"""USD stages: geometry, primvars, transforms, instances, what is left out, and broken files."""
+
+import math
+
+import numpy as np
+import pytest
+
+from framepairs.errors import InputError
+from framepairs.scene import load_scene
+from usd_stages import BINDING, POINTS, QUAD, load, placed, prim, usd
+
+ROUNDING = 32 * np.finfo(np.float64).eps
+HOUSE = f"int[] faceVertexCounts = [4, 3]\nint[] faceVertexIndices = [0, 1, 2, 3, 3, 2, 4]\n{POINTS}"
+FLAT = 'uniform token subdivisionScheme = "none"'
+
+
+def corners(mesh, values):
+    """[T, 3, k] of per-vertex values."""
+    return values[mesh.faces]
+
+
+def test_polygons_become_fans_that_keep_their_side(tmp_path):
+    scene = load(tmp_path, prim("Mesh", "house", HOUSE, FLAT))
+    mesh = scene.meshes[0]
+    expected = [[(0, 0), (2, 0), (2, 1)], [(0, 0), (2, 1), (0, 1)], [(0, 1), (2, 1), (1, 3)]]
+    np.testing.assert_array_equal(corners(mesh, mesh.positions)[..., :2], expected)
+    assert mesh.normals is None and mesh.uv is None and mesh.faces.dtype == np.uint32
+    assert [(item.name, item.mesh, item.moves) for item in scene.objects] == [("/house", 0, False)]
+
+
+def test_left_handed_meshes_are_turned_over(tmp_path):
+    mesh = load(tmp_path, prim("Mesh", "house", HOUSE, 'uniform token orientation = "leftHanded"')).meshes[0]
+    a, b, c = np.moveaxis(corners(mesh, mesh.positions), 1, 0)
+    assert (np.cross(b - a, c - a)[:, 2] < 0).all()
+    np.testing.assert_array_equal(mesh.normals, np.tile([0, 0, -1], (len(mesh.normals), 1)))
+
+
+def test_meshes_without_normals_are_smooth_unless_their_scheme_is_none(tmp_path):
+    # A roof: two unit squares' halves at right angles, meeting in an edge of vertices 0 and 1.
+    roof = "int[] faceVertexCounts = [3, 3]\nint[] faceVertexIndices = [0, 1, 2, 1, 0, 3]\n"
+    roof += "point3f[] points = [(0,0,0), (1,0,0), (0,1,0), (0,0,1)]"
+    mesh = load(tmp_path, prim("Mesh", "roof", roof)).meshes[0]
+    on_edge = mesh.normals[np.all(mesh.positions[:, 1:] == 0, axis=1)]
+    np.testing.assert_allclose(on_edge, np.tile([0, math.sqrt(0.5), math.sqrt(0.5)], (2, 1)), atol=2.0**-23)
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "values", "u_at_corners"),
+    [
+        ("constant", "(3, 0)", [(3, 3, 3)] * 3),
+        ("uniform", "(1, 0), (2, 0)", [(1, 1, 1), (1, 1, 1), (2, 2, 2)]),
+        ("vertex", "(0,0), (1,0), (2,0), (3,0), (4,0)", [(0, 1, 2), (0, 2, 3), (3, 2, 4)]),
+        ("faceVarying", "(0,0), (1,0), (2,0), (3,0), (4,0), (5,0), (6,0)", [(0, 1, 2), (0, 2, 3), (4, 5, 6)]),
+    ],
+)
+def test_primvars_reach_the_corners(tmp_path, interpolation, values, u_at_corners):
+    uv = f'texCoord2f[] primvars:st = [{values}] (interpolation = "{interpolation}")'
+    mesh = load(tmp_path, prim("Mesh", "house", HOUSE, uv)).meshes[0]
+    np.testing.assert_array_equal(corners(mesh, mesh.uv)[..., 0], u_at_corners)
+
+
+def test_indexed_face_varying_normals_split_vertices(tmp_path):
+    normals = 'normal3f[] primvars:normals = [(0,0,1), (0,1,0)] (interpolation = "faceVarying")'
+    indices = "int[] primvars:normals:indices = [0, 0, 0, 0, 1, 1, 1]"
+    mesh = load(tmp_path, prim("Mesh", "house", HOUSE, normals, indices)).meshes[0]
+    np.testing.assert_array_equal(corners(mesh, mesh.normals), [[(0, 0, 1)] * 3] * 2 + [[(0, 1, 0)] * 3])
+    assert len(mesh.positions) == 7
+
+
+def test_three_component_texture_coordinates_give_their_first_two(tmp_path):
+    uv = 'texCoord3f[] primvars:st = [(0,0,9), (1,0,9), (1,1,9), (0,1,9), (0,0,9)] (interpolation = "vertex")'
+    mesh = load(tmp_path, prim("Mesh", "quad", QUAD, uv)).meshes[0]
+    np.testing.assert_array_equal(corners(mesh, mesh.uv)[0], [(0, 0), (1, 0), (1, 1)])
+
+
+def test_subsets_divide_a_mesh_by_material(tmp_path):
+    binding = "rel material:binding = </{}>"
+    kind = 'uniform token elementType = "face"', 'uniform token familyName = "materialBind"'
+    subset = prim("GeomSubset", "roof", *kind, "int[] indices = [1]", binding.format("b"), metadata=BINDING)
+    house = prim("Mesh", "house", HOUSE, binding.format("a"), subset, metadata=BINDING)
+    scene = load(tmp_path, prim("Material", "a"), prim("Material", "b"), house)
+    named = [(item.name, scene.materials[item.material].name) for item in scene.objects]
+    assert named == [("/house/roof", "/b"), ("/house", "/a")]
+    assert [len(scene.meshes[item.mesh].faces) for item in scene.objects] == [1, 2]
+
+
+def test_nested_animated_transforms_at_any_time(tmp_path):
+    # 10 time codes a second: the parent moves by (6, 0, 0) in 2 s; the child turns by 90 degrees about z in 1 s.
+    parent = "double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 20: (6, 0, 0) }"
+    turn = "double xformOp:rotateZ.timeSamples = { 0: 0, 10: 90 }"
+    place = "double3 xformOp:translate = (0, 5, 0)"
+    child = prim("Mesh", "m", QUAD, place, turn, 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ"]')
+    still = prim("Mesh", "still", QUAD)
+    body = prim("Xform", "p", parent, 'uniform token[] xformOpOrder = ["xformOp:translate"]', child)
+    scene = load(tmp_path, body, still, header="timeCodesPerSecond = 10\nstartTimeCode = 0\nendTimeCode = 25")
+    assert [item.moves for item in scene.objects] == [True, False] and scene.moves
+    assert scene.animation_end_s == 2.5
+    for seconds in (0, 1 / 3, 0.77, 1, 1.9, 7):
+        angle, x = math.radians(90 * min(seconds, 1)), 6 * min(seconds / 2, 1)
+        c, s = math.cos(angle), math.sin(angle)
+        expected = [[c, -s, 0, x], [s, c, 0, 5], [0, 0, 1, 0], [0, 0, 0, 1]]
+        found = scene.world_from_object(seconds)
+        np.testing.assert_allclose(found[0], expected, atol=4 * ROUNDING)
+        np.testing.assert_array_equal(found[1], np.eye(4))
+
+
+def test_instances_share_one_mesh_and_keep_their_places(tmp_path):
+    metadata = "instanceable = true\nreferences = </_proto>"
+    places = [placed("double3 xformOp:translate", (k, 0, 7)) for k in range(3)]
+    shown = [prim("Xform", f"i{k}", *place, metadata=metadata) for k, place in enumerate(places)]
+    proto = 'class Xform "_proto" {\n' + prim("Mesh", "m", QUAD) + "}\n"
+    scene = load(tmp_path, proto, *shown)
+    assert [(item.name, item.mesh) for item in scene.objects] == [(f"/i{k}/m", 0) for k in range(3)]
+    assert len(scene.meshes) == 1
+    np.testing.assert_array_equal(scene.world_from_object(0)[:, :3, 3], [[k, 0, 7] for k in range(3)])
+
+
+def test_axes_and_units_are_those_of_the_stage(tmp_path):
+    scene = load(tmp_path, prim("Mesh", "m", QUAD), header='upAxis = "Z"\nmetersPerUnit = 0.0254')
+    assert (scene.up_axis, scene.metres_per_unit) == ("Z", 0.0254)
+    np.testing.assert_array_equal(scene.up, [0, 0, 1])
+    assert load(tmp_path, prim("Mesh", "m", QUAD), name="bare.usda").metres_per_unit == 0.01  # USD's fallback
+
+
+def test_what_is_not_shown_is_left_out(tmp_path):
+    invisible = 'token visibility = "invisible"'
+    scene = load(
+        tmp_path,
+        prim("Mesh", "hidden", QUAD, invisible),
+        prim("Xform", "gone", invisible, prim("Mesh", "m", QUAD)),
+        *(prim("Mesh", name, QUAD, FLAT, f'uniform token purpose = "{name}"') for name in ("guide", "proxy", "render")),
+    )
+    assert [item.name for item in scene.objects] == ["/render"]
+    assert scene.not_read == ()
+
+
+def test_prims_that_are_not_read_are_named(tmp_path):
+    kinds = "Sphere", "BasisCurves", "RectLight", "PointInstancer", "Skeleton"
+    said = load(tmp_path, *(prim(kind, f"p{k}") for k, kind in enumerate(kinds))).not_read
+    assert [f"/p{k}" in sentence for k, sentence in enumerate(said)] == [True] * len(kinds)
+
+
+def test_prototypes_of_an_instancer_are_not_drawn_in_their_own_place(tmp_path):
+    many = "rel prototypes = [</many/m>]", "int[] protoIndices = [0]", "point3f[] positions = [(0,0,0)]"
+    scene = load(tmp_path, prim("PointInstancer", "many", *many, prim("Mesh", "m", QUAD)))
+    assert scene.objects == () and scene.not_read == ("PointInstancer /many",)
+
+
+def test_points_that_move_are_drawn_as_they_begin_and_named(tmp_path):
+    moving = POINTS.replace(" = [", ".timeSamples = { 0: [") + ", 5: [(9,0,0), (2,0,0), (2,1,0), (0,1,0), (1,3,0)] }"
+    scene = load(tmp_path, prim("Mesh", "m", QUAD.replace(POINTS, moving), FLAT))
+    assert scene.meshes[0].positions[:, 0].max() == 2
+    assert any("/m" in sentence for sentence in scene.not_read)
+
+
+def test_the_cone_of_a_light_is_read_or_named(tmp_path):
+    cone = "float inputs:shaping:cone:angle = 30"
+    scene = load(tmp_path, prim("SphereLight", "spot", cone, metadata='apiSchemas = ["ShapingAPI"]'))
+    assert scene.lights[0].kind == "spot" or any("cone" in sentence for sentence in scene.not_read)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (prim("Mesh", "m", QUAD.replace("[0, 1, 2, 3]", "[0, 1, 2, 9]")), "/m: face index 9 with only 5 points"),
+        (prim("Mesh", "m", QUAD.replace("[0, 1, 2, 3]", "[0, 1, -2, 3]")), "/m: face index"),
+        (prim("Mesh", "m", QUAD.replace("[4]", "[5]")), "/m: face counts ask for 5 indices, there are 4"),
+        (prim("Mesh", "m", QUAD, 'texCoord2f[] primvars:st = [(nan,0)] (interpolation = "constant")'), "/m: .*finite"),
+        (prim("Mesh", "m", QUAD.replace("(2,1,0)", "(nan,1,0)")), "/m: points are not finite"),
+        (prim("Mesh", "m", QUAD, 'texCoord2f[] primvars:st = [(0,0)] (interpolation = "vertex")'), "/m: vertex.* has 1 values"),
+        (prim("Xform", "x", metadata="references = @nowhere.usda@"), "nowhere.usda"),
+        ('def Mesh "m" {\nint a = }\n', "not a USD stage: .*:6:.*Expected"),
+    ],
+    ids=["index", "negative index", "counts", "nan uv", "nan point", "primvar", "missing layer", "syntax"],
+)
+def test_broken_stages_are_named_with_the_prim(tmp_path, text, says):
+    file = usd(tmp_path, text)
+    with pytest.raises(InputError, match=f"^{file}[,:].*{says}"):
+        load_scene(file)

@@ -1,0 +1,247 @@
+"""UsdPreviewSurface: constants, textures and how they are packed, transforms of uv, and what is missing."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from framepairs.errors import InputError
+from framepairs.scene import load_scene, scene_hash
+from framepairs.scene.description import Texture
+from framepairs.scene.images import decode_image, linear_texels, pack_channels
+from usd_stages import BINDING, QUAD, image, prim, usd
+
+# USD's numbers are float32.
+ROUNDING = 4 * 2.0**-24
+
+
+def shader(name, kind, *lines):
+    outputs = "float2 outputs:result", "float3 outputs:rgb", *(f"float outputs:{k}" for k in "rgba")
+    return prim("Shader", name, f'uniform token info:id = "{kind}"', *lines, *outputs)
+
+
+def sampler(name, *lines, file="t.png"):
+    return shader(name, "UsdUVTexture", f"asset inputs:file = @{file}@", *lines)
+
+
+def surface(folder, *lines, nodes=()):
+    """The file of a scene with one mesh, whose material M has a preview surface with `lines`."""
+    preview = shader("S", "UsdPreviewSurface", *lines, "token outputs:surface")
+    material = prim("Material", "M", "token outputs:surface.connect = </M/S.outputs:surface>", preview, *nodes)
+    return usd(folder, material, prim("Mesh", "m", QUAD, "rel material:binding = </M>", metadata=BINDING))
+
+
+def read(folder, *lines, nodes=()):
+    """(scene, its material)."""
+    scene = load_scene(surface(folder, *lines, nodes=nodes))
+    return scene, scene.materials[scene.objects[0].material]
+
+
+def texels_of(scene, slot):
+    return linear_texels(scene.textures[slot.texture])
+
+
+def decoded(codes):
+    """IEC 61966-2-1."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+
+
+def test_constants(tmp_path):
+    _, material = read(
+        tmp_path,
+        "color3f inputs:diffuseColor = (0.1, 0.2, 0.3)",
+        "color3f inputs:emissiveColor = (4, 5, 6)",
+        "float inputs:roughness = 0.25",
+        "float inputs:metallic = 0.75",
+        "float inputs:ior = 1.5",
+    )
+    np.testing.assert_allclose(material.base_color, (0.1, 0.2, 0.3), rtol=ROUNDING)
+    assert (material.name, material.emission, material.roughness, material.metallic) == ("/M", (4, 5, 6), 0.25, 0.75)
+    assert (material.alpha, material.opacity, material.not_read) == ("opaque", 1, ())
+    assert material.specular == pytest.approx(0.5, rel=8 * ROUNDING)  # ((1.5 - 1) / (1.5 + 1))^2 = 0.04 = 0.08 x 0.5
+
+
+def test_defaults_are_those_of_the_specification(tmp_path):
+    _, material = read(tmp_path)
+    np.testing.assert_allclose(material.base_color, (0.18, 0.18, 0.18), rtol=ROUNDING)
+    assert (material.roughness, material.metallic, material.emission) == (0.5, 0, (0, 0, 0))
+
+
+@pytest.mark.parametrize(("ior", "specular"), [(1.0, 0.0), (2.0, 1 / 9 / 0.08), (1.33, (0.33 / 2.33) ** 2 / 0.08)])
+def test_ior_becomes_specular(tmp_path, ior, specular):
+    assert read(tmp_path, f"float inputs:ior = {ior}")[1].specular == pytest.approx(specular, rel=1e-6)  # float32 ior
+
+
+@pytest.mark.parametrize(
+    ("lines", "alpha", "cutoff", "opacity"),
+    [
+        (("float inputs:opacity = 0.25",), "blend", 0.5, 0.25),
+        (("float inputs:opacity = 0.25", "float inputs:opacityThreshold = 0.125"), "mask", 0.125, 0.25),
+        (("float inputs:opacityThreshold = 0.125",), "opaque", 0.125, 1),
+        (("float inputs:opacity.connect = </M/T.outputs:a>", "float inputs:opacityThreshold = 0.75"), "mask", 0.75, 1),
+        (("float inputs:opacity.connect = </M/T.outputs:a>",), "blend", 0.5, 1),
+    ],
+)
+def test_opacity_blends_and_with_a_threshold_masks(tmp_path, lines, alpha, cutoff, opacity):
+    image(tmp_path / "t.png", channels=4)
+    _, material = read(tmp_path, *lines, nodes=[sampler("T")])
+    assert (material.alpha, material.alpha_cutoff, material.opacity) == (alpha, cutoff, opacity)
+
+
+def test_colour_and_opacity_of_one_image_are_one_texture(tmp_path):
+    codes = image(tmp_path / "t.png", channels=4) / 255
+    connections = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", "float inputs:opacity.connect = </M/T.outputs:a>"
+    scene, material = read(tmp_path, *connections, nodes=[sampler("T")])
+    assert len(scene.textures) == 1 and material.base_color == (1, 1, 1)
+    expected = np.concatenate([decoded(codes[..., :3]), codes[..., 3:]], axis=-1)  # alpha is never sRGB-encoded
+    np.testing.assert_allclose(texels_of(scene, material.base_texture), expected, rtol=ROUNDING)
+
+
+def test_opacity_of_another_image_goes_beside_the_colour(tmp_path):
+    color, mask = image(tmp_path / "t.png") / 255, image(tmp_path / "m.png", seed=2) / 255
+    connections = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", "float inputs:opacity.connect = </M/O.outputs:g>"
+    scene, material = read(tmp_path, *connections, nodes=[sampler("T"), sampler("O", file="m.png")])
+    expected = np.concatenate([decoded(color), mask[..., 1:2]], axis=-1)
+    np.testing.assert_allclose(texels_of(scene, material.base_texture), expected, rtol=ROUNDING)
+    assert sorted(file.name for file in scene.files[1:]) == ["m.png", "t.png"]
+
+
+ORM = "float inputs:roughness.connect = </M/T.outputs:g>", "float inputs:metallic.connect = </M/{}.outputs:b>"
+
+
+def test_occlusion_roughness_metallic_of_one_image_are_read_in_place(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    scene, material = read(tmp_path, ORM[0], ORM[1].format("T"), nodes=[sampler("T")])
+    texels = texels_of(scene, material.surface_texture)
+    np.testing.assert_allclose(texels[..., 1:3], codes[..., 1:], rtol=ROUNDING)
+    assert (texels[..., 0] == 1).all() and (material.roughness, material.metallic) == (1, 1)
+    assert len(scene.textures) == 1
+
+
+def test_two_samplers_of_one_image_keep_their_own_scale(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    nodes = sampler("T", "float4 inputs:scale = (0.5, 0.5, 0.5, 0.5)"), sampler("U")
+    scene, material = read(tmp_path, ORM[0], ORM[1].format("U"), nodes=nodes)
+    texels = texels_of(scene, material.surface_texture)
+    np.testing.assert_allclose(texels[..., 1], 0.5 * codes[..., 1], rtol=ROUNDING)
+    np.testing.assert_allclose(texels[..., 2], codes[..., 2], rtol=ROUNDING)
+
+
+def test_metallic_alone_leaves_roughness_its_constant(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    scene, material = read(tmp_path, "float inputs:roughness = 0.25", ORM[1].format("T"), nodes=[sampler("T")])
+    texels = texels_of(scene, material.surface_texture)
+    np.testing.assert_allclose(texels[..., 2], codes[..., 2], rtol=ROUNDING)
+    assert (texels[..., :2] == 1).all() and (material.roughness, material.metallic) == (0.25, 1)
+
+
+def test_parts_of_different_sizes_are_brought_to_the_largest():
+    large = np.arange(5 * 7 * 4, dtype=np.uint8).reshape(5, 7, 4)
+    small = np.full((3, 2, 4), 77, np.uint8)
+    a, b = (Texture(name=n, texels=t, srgb=False) for n, t in (("a", large), ("b", small)))
+    packed = pack_channels("p", {1: (a, 0), 2: (b, 3)}).texels
+    np.testing.assert_array_equal(packed[..., 1], large[..., 0])
+    assert packed.shape == (5, 7, 4) and (packed[..., 2] == 77).all() and (packed[..., [0, 3]] == 255).all()
+
+
+def test_normal_maps_are_raw_with_their_scale_and_bias(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    remap = "float4 inputs:scale = (2, -2, 2, 1)", "float4 inputs:bias = (-1, 1, -1, 0)"  # green down
+    scene, material = read(tmp_path, "normal3f inputs:normal.connect = </M/T.outputs:rgb>", nodes=[sampler("T", *remap)])
+    texels = texels_of(scene, material.normal_texture)[..., :3]
+    np.testing.assert_allclose(texels, codes * [2, -2, 2] + [-1, 1, -1], atol=ROUNDING)  # 2 c - 1 cancels near c = 0.5
+
+
+@pytest.mark.parametrize(
+    ("space", "key", "srgb"),
+    [
+        ("auto", "diffuseColor", True),
+        ("raw", "diffuseColor", False),
+        ("sRGB", "diffuseColor", True),
+        ("auto", "emissiveColor", True),
+        ("auto", "normal", False),
+        ("auto", "roughness", False),
+    ],
+)
+def test_colour_spaces(tmp_path, space, key, srgb):
+    image(tmp_path / "t.png")
+    output = "g" if key == "roughness" else "rgb"
+    kind = {"normal": "normal3f", "roughness": "float"}.get(key, "color3f")
+    node = sampler("T", f'token inputs:sourceColorSpace = "{space}"')
+    scene, _ = read(tmp_path, f"{kind} inputs:{key}.connect = </M/T.outputs:{output}>", nodes=[node])
+    assert [texture.srgb for texture in scene.textures] == [srgb]
+
+
+def test_wrap_modes(tmp_path):
+    image(tmp_path / "t.png")
+    node = sampler("T", 'token inputs:wrapS = "clamp"', 'token inputs:wrapT = "mirror"')
+    scene, _ = read(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[node])
+    assert scene.textures[0].wrap == ("clamp", "mirror")
+
+
+def turn(name, source, scale="(1, 1)", rotation=0, shift="(0, 0)"):
+    inputs = f"float2 inputs:scale = {scale}", f"float inputs:rotation = {rotation}", f"float2 inputs:translation = {shift}"
+    return shader(name, "UsdTransform2d", f"float2 inputs:in.connect = </M/{source}.outputs:result>", *inputs)
+
+
+READER = shader("R", "UsdPrimvarReader_float2", 'string inputs:varname = "map1"')
+
+
+@pytest.mark.parametrize(
+    ("nodes", "expected"),
+    [
+        # The specification: in * scale, then rotated (degrees, counter-clockwise), then translated. (1, 0) -> (0, 2) + t.
+        ([turn("X", "R", "(2, 3)", 90, "(0.25, 0.5)")], [[0, -3, 0.25], [2, 0, 0.5]]),
+        # Two in a row: first Y's translation, then X's scale.
+        ([turn("X", "Y", "(2, 3)"), turn("Y", "R", shift="(0.25, 0.5)")], [[2, 0, 0.5], [0, 3, 1.5]]),
+    ],
+)
+def test_uv_transforms(tmp_path, nodes, expected):
+    image(tmp_path / "t.png")
+    node = sampler("T", "float2 inputs:st.connect = </M/X.outputs:result>")
+    _, material = read(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[node, READER, *nodes])
+    np.testing.assert_allclose(material.base_texture.uv, expected, atol=ROUNDING)
+
+
+def test_the_primvar_that_the_material_names_gives_uv(tmp_path):
+    image(tmp_path / "t.png")
+    node = sampler("T", "float2 inputs:st.connect = </M/R.outputs:result>")
+    file = surface(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[node, READER])
+    primvars = (f'texCoord2f[] primvars:{name} (interpolation = "constant")' for name in ("st = [(1, 0)]", "map1 = [(2, 0)]"))
+    file.write_text(file.read_text().replace("rel material", "\n".join(primvars) + "\nrel material"))
+    assert (load_scene(file).meshes[0].uv == [2, 0]).all()
+
+
+@pytest.mark.parametrize(("file", "says"), [("nowhere.png", "missing texture nowhere.png"), ("", "texture without a file")])
+def test_a_missing_texture_names_file_and_field(tmp_path, file, says):
+    node = sampler("T", file=file) if file else shader("T", "UsdUVTexture")
+    scene = surface(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[node])
+    with pytest.raises(InputError, match=rf"^{scene}, /M\.diffuseColor: {says}"):
+        load_scene(scene)
+
+
+def test_a_broken_texture_is_named(tmp_path):
+    (tmp_path / "t.png").write_bytes(b"\x89PNG\r\n\x1a\n cut off")
+    with pytest.raises(InputError, match="t.png: cannot be read as an image"):
+        read(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[sampler("T")])
+
+
+def test_the_hash_follows_a_textures_bytes(tmp_path):
+    image(tmp_path / "t.png")
+    file = surface(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[sampler("T")])
+    first = scene_hash(load_scene(file))
+    assert scene_hash(load_scene(file)) == first
+    image(tmp_path / "t.png", seed=2)
+    assert scene_hash(load_scene(file)) != first
+
+
+def test_what_a_material_does_not_do_is_named(tmp_path):
+    _, material = read(tmp_path, "float inputs:clearcoat = 0.5", "int inputs:useSpecularWorkflow = 1")
+    assert material.not_read == ("clearcoat", "specular workflow")
+
+
+def test_images_of_sixteen_bits_keep_them(tmp_path):
+    codes = np.array([[0, 1, 257], [65535, 32768, 40000]], dtype=np.uint16)
+    Image.fromarray(codes).save(tmp_path / "d.png")
+    texels = decode_image((tmp_path / "d.png").read_bytes(), "d.png")
+    np.testing.assert_allclose(texels[..., 0], codes / 65535, rtol=ROUNDING)
+    assert (texels[..., 3] == 1).all()

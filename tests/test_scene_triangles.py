@@ -1,0 +1,240 @@
+"""glTF, OBJ and PLY: numbers exact, textures and files found, what is missing named."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from framepairs.errors import InputError
+from framepairs.scene import load_scene, scene_hash
+from framepairs.scene.images import linear_texels
+from usd_stages import image
+
+POSITIONS = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+UV = np.float32([[0, 0], [1, 0], [0, 0.25]])
+BUFFER = POSITIONS.tobytes() + UV.tobytes()
+TEXTURED = {"name": "t", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+IMAGES = {"images": [{"uri": "t.png"}], "textures": [{"source": 0}]}
+
+
+def gltf(folder, *materials, name="scene.gltf", **keys):
+    """The file of a glTF scene: one triangle per material, node k moved by (10 k, 0, 0) on top of (0, 5, 0)."""
+    count = range(len(materials))
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    values = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [len(materials)]}],
+        "nodes": [
+            *({"mesh": k, "name": f"n{k}", "translation": [10 * k, 0, 0]} for k in count),
+            {"name": "root", "children": list(count), "translation": [0, 5, 0]},
+        ],
+        "meshes": [{"name": f"m{k}", "primitives": [{"attributes": attributes, "material": k}]} for k in count],
+        "materials": materials,
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": POSITIONS.nbytes},
+            {"buffer": 0, "byteOffset": POSITIONS.nbytes, "byteLength": UV.nbytes},
+        ],
+        "buffers": [{"byteLength": len(BUFFER), "uri": "data:;base64," + base64.b64encode(BUFFER).decode()}],
+        **keys,
+    }
+    file = folder / name
+    file.write_text(json.dumps(values))
+    return file
+
+
+def colored(red, **keys):
+    return {"pbrMetallicRoughness": {"baseColorFactor": [red, 0.2, 0.3, 0.4]}, **keys}
+
+
+def worn(scene):
+    """Material by the name of the object that wears it."""
+    return {item.name: scene.materials[item.material] for item in scene.objects}
+
+
+def test_triangles_and_transforms_of_gltf(tmp_path):
+    scene = load_scene(gltf(tmp_path, {"name": "a"}, {"name": "b"}))
+    assert [item.name for item in scene.objects] == ["n0", "n1"] and not scene.moves
+    np.testing.assert_array_equal(scene.world_from_object(0.7)[:, :3, 3], [[0, 5, 0], [10, 5, 0]])
+    mesh = scene.meshes[0]
+    np.testing.assert_array_equal(mesh.positions[mesh.faces[0]], POSITIONS)
+    np.testing.assert_array_equal(mesh.uv[mesh.faces[0]], UV * [1, -1] + [0, 1])  # glTF's v runs down, ours up
+    assert mesh.normals is None  # glTF: flat shading where there are none
+    assert (scene.up_axis, scene.metres_per_unit) == ("Y", 1)
+
+
+def test_factors_are_exact_and_not_rounded_to_bytes(tmp_path):
+    pbr = {"baseColorFactor": [0.1001, 0.2002, 0.3003, 1], "roughnessFactor": 0.1234, "metallicFactor": 0.4321}
+    material = load_scene(gltf(tmp_path, {"name": "a", "pbrMetallicRoughness": pbr})).materials[0]
+    assert material.base_color == (0.1001, 0.2002, 0.3003)
+    assert (material.roughness, material.metallic) == (0.1234, 0.4321)
+
+
+def test_defaults_are_those_of_the_specification(tmp_path):
+    material = load_scene(gltf(tmp_path, {"name": "a"})).materials[0]
+    assert (material.base_color, material.roughness, material.metallic) == ((1, 1, 1), 1, 1)
+    assert (material.emission, material.alpha, material.specular) == ((0, 0, 0), "opaque", 0.5)
+
+
+@pytest.mark.parametrize("names", [({}, {}), ({"name": "same"}, {"name": "same"})])
+def test_materials_without_names_of_their_own_keep_their_factors(tmp_path, names):
+    materials = worn(load_scene(gltf(tmp_path, colored(0.25, **names[0]), colored(0.75, **names[1]))))
+    assert [materials[node].base_color[0] for node in ("n0", "n1")] == [0.25, 0.75]
+
+
+def test_alpha_modes(tmp_path):
+    modes = {"alphaMode": "MASK", "alphaCutoff": 0.125}, {"alphaMode": "MASK"}, {"alphaMode": "BLEND"}, {"alphaMode": "OPAQUE"}
+    found = worn(load_scene(gltf(tmp_path, *(colored(1, name=str(k), **mode) for k, mode in enumerate(modes)))))
+    assert [(m.alpha, m.alpha_cutoff, m.opacity) for m in (found[f"n{k}"] for k in range(4))] == [
+        ("mask", 0.125, 0.4),
+        ("mask", 0.5, 0.4),
+        ("blend", 0.5, 0.4),
+        ("opaque", 0.5, 1.0),
+    ]
+
+
+def test_emissive_strength_multiplies(tmp_path):
+    strong = {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}
+    lamps = {"name": "a", "emissiveFactor": [1, 0.5, 0], "extensions": strong}, {"name": "b", "emissiveFactor": [1, 0.5, 0]}
+    scene = load_scene(gltf(tmp_path, *lamps, extensionsUsed=["KHR_materials_emissive_strength"]))
+    assert [worn(scene)[node].emission for node in ("n0", "n1")] == [(8, 4, 0), (1, 0.5, 0)]
+    assert scene.not_read == ()
+
+
+def test_textures_and_their_channels(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    first = {"index": 0}
+    pbr = {"baseColorTexture": first, "metallicRoughnessTexture": first}
+    maps = {"normalTexture": {"index": 0, "scale": 0.5}, "occlusionTexture": first, "emissiveTexture": first}
+    scene = load_scene(gltf(tmp_path, {"name": "t", "pbrMetallicRoughness": pbr, **maps}, **IMAGES))
+    material = scene.materials[0]
+    textures = [scene.textures[slot.texture] for slot in (material.base_texture, material.emission_texture)]
+    assert [texture.srgb for texture in textures] == [True, True]
+    surface, normal = (linear_texels(scene.textures[s.texture]) for s in (material.surface_texture, material.normal_texture))
+    np.testing.assert_allclose(surface[..., 1:3], codes[..., 1:], rtol=2.0**-22)
+    assert (surface[..., 0] == 1).all()
+    np.testing.assert_allclose(normal[..., :3], 2 * codes - 1, atol=2.0**-22)
+    assert material.normal_scale == 0.5 and material.not_read == ("occlusion map",)
+
+
+def test_samplers_set_the_wrap_modes(tmp_path):
+    image(tmp_path / "t.png")
+    keys = {**IMAGES, "textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33071, "wrapT": 33648}]}
+    assert load_scene(gltf(tmp_path, TEXTURED, **keys)).textures[0].wrap == ("clamp", "mirror")
+    assert load_scene(gltf(tmp_path, TEXTURED, **IMAGES)).textures[0].wrap == ("repeat", "repeat")
+
+
+def test_the_hash_follows_images_and_buffers(tmp_path):
+    image(tmp_path / "t.png")
+    (tmp_path / "b.bin").write_bytes(BUFFER)
+    file = gltf(tmp_path, TEXTURED, **IMAGES, buffers=[{"byteLength": len(BUFFER), "uri": "b.bin"}])
+    scene = load_scene(file)
+    assert {item.name for item in scene.files} == {"scene.gltf", "t.png", "b.bin"} and scene.files[0] == file
+    first = scene_hash(scene)
+    image(tmp_path / "t.png", seed=2)
+    second = scene_hash(load_scene(file))
+    (tmp_path / "b.bin").write_bytes(BUFFER + b"\0")
+    assert len({first, second, scene_hash(load_scene(file))}) == 3
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({**IMAGES, "images": [{"uri": "nowhere.png"}]}, "images: missing texture nowhere.png"),
+        ({"buffers": [{"byteLength": 60, "uri": "nowhere.bin"}]}, "buffers: missing buffer nowhere.bin"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "extension KHR_draco_mesh_compression is not read"),
+        ({**IMAGES, "images": [{"uri": "broken.png"}]}, "broken.png"),
+        ({"textures": []}, "texture"),
+        ({"meshes": []}, ""),
+    ],
+)
+def test_what_a_gltf_file_lacks_is_named(tmp_path, keys, says):
+    (tmp_path / "broken.png").write_bytes(b"no image")
+    file = gltf(tmp_path, TEXTURED, **keys)
+    with pytest.raises(InputError, match=f"{says}" if says == "broken.png" else f"^{file}[:,] .*{says}"):
+        load_scene(file)
+
+
+def test_what_is_not_read_of_gltf_is_named(tmp_path):
+    clip = {"name": "walk", "channels": [], "samplers": []}
+    scene = load_scene(gltf(tmp_path, {"name": "a"}, extensionsUsed=["KHR_lights_punctual"], animations=[clip]))
+    assert scene.not_read == ("extension KHR_lights_punctual", "animation walk")
+
+
+@pytest.mark.parametrize("kept", [0, 3, 10, 19, 20, 100, -5])
+def test_cut_glb_files_are_named(tmp_path, kept):
+    file = tmp_path / "a.glb"
+    trimesh.creation.box().export(file)
+    assert len(load_scene(file).meshes[0].faces) == 12
+    file.write_bytes(file.read_bytes()[:kept])
+    with pytest.raises(InputError, match=f"^{file}: "):
+        load_scene(file)
+
+
+@pytest.mark.parametrize("data", [b"{", b"[]", b"\xff\xfe", b""])
+def test_what_is_no_gltf_is_named(tmp_path, data):
+    file = tmp_path / "a.gltf"
+    file.write_bytes(data)
+    with pytest.raises(InputError, match=f"^{file}: "):
+        load_scene(file)
+
+
+OBJ = """mtllib a.mtl
+v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
+vt 0 0\nvt 1 0\nvt 0 0.25\nvn 0 0 1
+usemtl red\nf 1/1/1 2/2/1 3/3/1
+usemtl blue\nf 1/1/1 2/2/1 4/3/1
+"""
+MTL = "newmtl red\nKd 1 0 0\nmap_Kd t.png\nnewmtl blue\nKd 0.2 0.4 0.6\n"
+
+
+def obj(folder, text=OBJ, mtl=MTL):
+    image(folder / "t.png")
+    (folder / "a.mtl").write_text(mtl)
+    (folder / "a.obj").write_text(text)
+    return folder / "a.obj"
+
+
+def test_obj_files_keep_materials_uv_and_normals(tmp_path):
+    scene = load_scene(obj(tmp_path))
+    found = {material.name: material for material in scene.materials}
+    assert found["blue"].base_color == (0.2, 0.4, 0.6) and found["blue"].base_texture is None
+    assert scene.textures[found["red"].base_texture.texture].texels.shape == (5, 7, 4)
+    mesh = next(mesh for mesh in scene.meshes if mesh.name == "blue")
+    np.testing.assert_array_equal(mesh.positions[mesh.faces[0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(mesh.uv[mesh.faces[0]], UV)
+    np.testing.assert_array_equal(mesh.normals, np.tile([0, 0, 1], (3, 1)))
+
+
+@pytest.mark.parametrize("name", ["a.mtl", "t.png"])
+def test_what_an_obj_file_names_is_hashed_and_must_be_there(tmp_path, name):
+    file = obj(tmp_path)
+    first = scene_hash(load_scene(file))
+    (tmp_path / name).write_text(MTL + "\n") if name == "a.mtl" else image(tmp_path / name, seed=2)
+    assert scene_hash(load_scene(file)) != first
+    (tmp_path / name).unlink()
+    with pytest.raises(InputError, match=f"^{file}.*{name}"):
+        load_scene(file)
+
+
+@pytest.mark.parametrize("text", ["", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"])
+def test_broken_obj_files_are_named(tmp_path, text):
+    file = obj(tmp_path, text)
+    with pytest.raises(InputError, match=f"^{file}[:,] "):
+        load_scene(file)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl", ".off"])
+def test_meshes_alone_are_grey(tmp_path, suffix):
+    file = tmp_path / f"box{suffix}"
+    trimesh.creation.box(extents=(1, 2, 3)).export(file)
+    scene = load_scene(file)
+    mesh = scene.meshes[0]
+    assert mesh.faces.shape == (12, 3) and scene.materials[0].base_color == (0.8, 0.8, 0.8)
+    np.testing.assert_array_equal(mesh.positions.max(axis=0), [0.5, 1, 1.5])
