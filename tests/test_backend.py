@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
+
 from framepairs import backend
 from framepairs.errors import MachineError
 

@@ -156,8 +156,9 @@ def test_lists_and_descriptions(files):
 
 def test_doctor_tells_what_to_install_where_nothing_works(tmp_path):
     """A cache that claims every libLLVM broken stands for a machine without a working one."""
-    from framepairs.backend import _candidates
     from importlib.metadata import version
+
+    from framepairs.backend import _candidates
 
     memory = {}
     for path, _ in _candidates():

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from analytic import plan_of
 from framepairs.bundled import find_camera_path, find_scene
 from framepairs.camera_path import read_camera_path

@@ -135,3 +135,10 @@ def test_hr_colour_is_the_mean_of_its_samples():
 def test_two_seeds_give_equal_raster_frames():
     frames = [facing(WHITE, lights=(SUN,)).arrays(0, "hr")["color"] for _ in range(2)]
     assert np.array_equal(*frames)
+
+
+def test_a_point_light_shines_all_around():
+    """Also straight against its unused default direction, where a spot of cone -1 would have a hole."""
+    light = Light(name="p", kind="point", radiance=(5, 5, 5), position=(0, 0, -1), direction=(0.0, 0.0, 1.0))
+    color = facing(WHITE, lights=(light,)).arrays(0, "lr_x1")["color"][..., 0]
+    assert color[CENTRE] == color.max() and color[CENTRE] == pytest.approx(0.4 * 5 / np.pi, rel=0.05)

@@ -133,6 +133,7 @@ def test_radiance_files_are_read():
 @pytest.mark.parametrize(
     "data",
     [b"#?RADIANCE\ncut off", RADIANCE % 7, RADIANCE % 7 + bytes(50), RADIANCE % 64 + b"\2\2\0\x40\x40", RADIANCE % -7],
+    ids=["header", "no pixels", "few pixels", "runs", "negative width"],
 )
 def test_cut_radiance_files_are_bad_input(data):
     # In a child process: Mitsuba 3.9.1 answers such files with an endless loop or a damaged heap.

@@ -120,6 +120,7 @@ def _one_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, in
     distance = dr.norm(to_light)
     towards = dr.select(directional, -aim_direction, to_light / dr.maximum(distance, 1e-20))
     cone = dr.clip((dr.dot(-towards, aim_direction) - aim.w) / dr.maximum(place.w - aim.w, 1e-4), 0, 1)
+    cone = dr.select(aim.w > -1, cone, 1)  # a point light shines all around
     falloff = cone / dr.maximum(dr.square(distance), 1e-12)
     strength = mi.Color3f(radiance.x, radiance.y, radiance.z) * dr.select(directional, 1, falloff)
     surface = sample.surface

@@ -30,8 +30,8 @@ METHODS = (*SPATIAL, "accumulate")
 @dataclass(frozen=True, kw_only=True)
 class AccumulateSettings:
     """sigma: of the Gaussian that spreads a sample, HR pixels (0.35 was best after 16 frames of `market`, at 2x and 3x; 0.3
-    to 0.5 lose at most 1.1 dB). wide: weight of a second Gaussian as wide as the LR pixel, which fills places where no sample fell. most_moving: samples that a
-    moving pixel remembers; each resampling blurs, so old ones are worth less."""
+    to 0.5 lose at most 1.1 dB). wide: weight of a second Gaussian as wide as the LR pixel, which fills places where no
+    sample fell. most_moving: samples that a moving pixel remembers; each resampling blurs, so old ones are worth less."""
 
     sigma: float = 0.35
     wide: float = 2e-3

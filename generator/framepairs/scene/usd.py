@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,8 @@ def load_usd(file: Path) -> SceneDescription:
 
 def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
     reader = MaterialReader()
-    meshes: dict[tuple, Mesh] = {}
+    meshes: list[Mesh] = []
+    index_of: dict[tuple, int] = {}
     objects: list[SceneObject] = []
     prims: list[Usd.Prim] = []
     not_read: list[str] = []
@@ -52,12 +54,12 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
         if not _is_drawn(prim):
             continue
         if prim.IsA(UsdGeom.Mesh):
-            for part in _mesh_parts(UsdGeom.Mesh(prim), reader, not_read):
-                mesh, material, key = part
-                index = list(meshes).index(key) if key in meshes else len(meshes)
-                meshes.setdefault(key, mesh)
-                moves = _is_animated(prim)
-                objects.append(SceneObject(name=mesh.name, mesh=index, material=material, moves=moves))
+            moves = _is_animated(prim)
+            for name, material, key, triangulate in _mesh_parts(UsdGeom.Mesh(prim), reader, not_read):
+                if key not in index_of:
+                    index_of[key] = len(meshes)
+                    meshes.append(triangulate())
+                objects.append(SceneObject(name=name, mesh=index_of[key], material=material, moves=moves))
                 prims.append(prim)
         elif prim.HasAPI(UsdLux.LightAPI):
             matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
@@ -83,7 +85,7 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
     return SceneDescription(
         name=file.stem,
         files=tuple(files),
-        meshes=tuple(meshes.values()),
+        meshes=tuple(meshes),
         materials=tuple(reader.materials),
         textures=tuple(reader.textures),
         objects=tuple(objects),
@@ -116,7 +118,10 @@ def _is_animated(prim: Usd.Prim) -> bool:
 
 
 def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[str]):
-    """One (Mesh, material index, key) for each material subset and for the faces in none."""
+    """For each material subset, and for the faces in none: (name, material index, key, function that makes the Mesh).
+
+    Instances of one prototype have equal keys, so that their mesh is made once.
+    """
     prim = usd_mesh.GetPrim()
     path = str(prim.GetPath())
     shared = str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
@@ -140,8 +145,8 @@ def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[s
         material = UsdShade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
         index = reader.material_index(material if material else None)
         uv_name = reader.uv_names.get(index, "st")
-        mesh = _triangles(usd_mesh, counts, faces, uv_name, f"{path}/{name}" if name else path)
-        yield mesh, index, (shared, name, uv_name)
+        part = f"{path}/{name}" if name else path
+        yield part, index, (shared, name, uv_name), partial(_triangles, usd_mesh, counts, faces, uv_name, part)
 
 
 def _triangles(usd_mesh: UsdGeom.Mesh, counts: NDArray, faces: NDArray, uv_name: str, name: str) -> Mesh:

@@ -63,6 +63,7 @@ class MaterialReader:
         if reader:
             self.uv_names[index] = reader[2]
         not_read = [key for key, neutral in NOT_READ.items() if value[key] != neutral or self._connected(shader, key)]
+        not_read += [f"{key} through {kind}" for key, kind in self._other_shaders(shader)]
         if value["useSpecularWorkflow"]:
             not_read.append("specular workflow")
         base = self._base_slot(name, sampled["diffuseColor"], scalars["opacity"])
@@ -120,6 +121,13 @@ class MaterialReader:
     def _connected(shader: UsdShade.Shader, key: str) -> bool:
         attribute = shader.GetInput(key)
         return bool(attribute and attribute.HasConnectedSource())
+
+    @staticmethod
+    def _other_shaders(shader: UsdShade.Shader) -> list[tuple[str, str]]:
+        """Inputs that a shader other than UsdUVTexture drives, and its id."""
+        sources = {key: _source(shader, key) for key in (*DEFAULTS, "normal")}
+        kinds = {key: source[0].GetIdAttr().Get() for key, source in sources.items() if source}
+        return [(key, kind) for key, kind in kinds.items() if kind != "UsdUVTexture"]
 
     def _texture(self, shader: UsdShade.Shader, key: str) -> "Read | None":
         """(texture, component, name of the uv primvar, uv transform) behind an input, or None where it is a value."""
