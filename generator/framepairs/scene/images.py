@@ -1,6 +1,7 @@
 """Reading images into texels, and merging single channels of several images into one texture."""
 
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,21 +70,22 @@ def pack_channels(name: str, parts: dict[int, tuple[Texture, int]]) -> Texture:
     """
     textures = [texture for texture, _ in parts.values()]
     first = textures[0]
+    scale, bias = [1.0] * 4, [0.0] * 4
+    for component, (texture, source) in parts.items():
+        scale[component], bias[component] = texture.scale[source], texture.bias[source]
     if all(texture.texels is first.texels for texture in textures) and all(k == c for k, (_, c) in parts.items()):
-        return first
+        return replace(first, scale=tuple(scale), bias=tuple(bias))
     height = max(texture.texels.shape[0] for texture in textures)
     width = max(texture.texels.shape[1] for texture in textures)
     dtype = np.uint8 if all(texture.texels.dtype == np.uint8 for texture in textures) else np.float32
     one = 255 if dtype == np.uint8 else 1
     texels = np.full((height, width, 4), one, dtype=dtype)
-    scale, bias = [1.0] * 4, [0.0] * 4
     for component, (texture, source) in parts.items():
         channel = Image.fromarray(np.ascontiguousarray(texture.texels[..., source]))
         if channel.size != (width, height):
             channel = channel.resize((width, height), Image.Resampling.BILINEAR)
         value = np.asarray(channel)
         texels[..., component] = value / 255 if dtype == np.float32 and value.dtype == np.uint8 else value
-        scale[component], bias[component] = texture.scale[source], texture.bias[source]
     return replace(first, name=name, texels=texels, scale=tuple(scale), bias=tuple(bias))
 
 
@@ -100,14 +102,47 @@ def _decode_exr(data: bytes, name: str) -> NDArray:
 
 
 def _decode_radiance(data: bytes, name: str) -> NDArray:
-    from ..backend import mi  # Mitsuba reads RGBE; no other dependency does
+    """Radiance RGBE (.hdr), plain or run-length encoded, rows from the top.
 
-    stream = mi.MemoryStream()
-    stream.write(data)
-    stream.seek(0)
+    Our own, because Mitsuba's reader corrupts memory where a file is cut short.
+    """
+    header = re.match(rb"#\?.*?\n\n-Y (\d+) \+X (\d+)\n", data, re.DOTALL)
+    if header is None:
+        raise InputError("cannot be read as Radiance RGBE: no header with -Y and +X", file=name)
+    height, width = (int(number) for number in header.groups())
+    if not 0 < height * width <= Image.MAX_IMAGE_PIXELS:
+        raise InputError(f"cannot be read as Radiance RGBE: {width} x {height} pixels", file=name)
+    body = np.frombuffer(data, np.uint8, offset=header.end())
     try:
-        bitmap = mi.Bitmap(stream).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except RuntimeError as error:
-        raise InputError(f"cannot be read as Radiance RGBE: {error}", file=name) from None
-    rgb = np.array(bitmap)
+        pixels = _run_lengths(body, width, height) if _is_run_length_encoded(body, width) else body[: 4 * width * height]
+        rgbe = pixels.reshape(height, width, 4)
+    except (ValueError, IndexError):
+        raise InputError("cannot be read as Radiance RGBE: it is cut short or damaged", file=name) from None
+    exponent = np.ldexp(np.float32(1), rgbe[..., 3:].astype(np.int32) - 136)
+    rgb = np.where(rgbe[..., 3:] > 0, rgbe[..., :3].astype(np.float32) * exponent, np.float32(0))
     return np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=-1)
+
+
+def _is_run_length_encoded(body: NDArray, width: int) -> bool:
+    return 8 <= width < 32768 and len(body) >= 4 and (body[0], body[1]) == (2, 2) and int(body[2]) * 256 + int(body[3]) == width
+
+
+def _run_lengths(body: NDArray, width: int, height: int) -> NDArray:
+    """[height, width, 4] from rows that begin with 2, 2, width and hold one component after the other."""
+    rows, place = np.empty((height, 4, width), np.uint8), 0
+    for row in rows:
+        if tuple(body[place : place + 2]) != (2, 2):
+            raise ValueError("a row without its mark")
+        place += 4
+        for component in row:
+            filled = 0
+            while filled < width:
+                count = int(body[place])
+                run = count > 128
+                count = count - 128 if run else count
+                values = body[place + 1] if run else body[place + 1 : place + 1 + count]
+                if count == 0 or filled + count > width:
+                    raise ValueError("a run that leaves its row")
+                component[filled : filled + count] = values
+                filled, place = filled + count, place + 1 + (1 if run else count)
+    return rows.transpose(0, 2, 1)

@@ -1,9 +1,10 @@
 """Static scenes through trimesh: glTF, GLB, OBJ, PLY, STL, OFF.
 
-trimesh rounds glTF's colour factors to bytes, so these are read from the file's JSON by material name with pygltflib.
+trimesh rounds glTF's colour factors to bytes, so these are read from the file's JSON with pygltflib.
 """
 
-import json
+import copy
+import io
 import urllib.parse
 from dataclasses import replace
 from pathlib import Path
@@ -21,19 +22,18 @@ from .images import texels_of
 GLTF_SUFFIXES = (".gltf", ".glb")
 SUFFIXES = (*GLTF_SUFFIXES, ".obj", ".ply", ".stl", ".off")
 UNREADABLE_EXTENSIONS = ("KHR_draco_mesh_compression", "KHR_texture_basisu", "EXT_meshopt_compression")
+GLTF_WRAP = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 READ_EXTENSIONS = ("KHR_materials_emissive_strength",)
 
 
 def load_triangles(file: Path) -> SceneDescription:
     """Read a static scene. Raises InputError naming the file."""
-    document, files = _read_gltf_json(file) if file.suffix.lower() in GLTF_SUFFIXES else (None, [file])
-    try:
-        loaded = trimesh.load_scene(file, process=False)
-    except Exception as error:  # trimesh's readers raise whatever they stumble over
-        raise InputError(f"cannot be read: {type(error).__name__}: {error}", file=file) from None
+    is_gltf = file.suffix.lower() in GLTF_SUFFIXES
+    document, files = _read_gltf_json(file) if is_gltf else (None, [file, *_files_of_obj(file)])
+    loaded = _load(file, document)
     if not loaded.geometry:
         raise InputError("no geometry in it", file=file)
-    reader = _MaterialReader(document)
+    reader = _MaterialReader(document, file)
     names = [name for name, geometry in loaded.geometry.items() if isinstance(geometry, trimesh.Trimesh)]
     meshes = [_mesh(name, loaded.geometry[name], file) for name in names]
     materials = [reader.index(loaded.geometry[name].visual) for name in names]
@@ -61,6 +61,45 @@ def load_triangles(file: Path) -> SceneDescription:
     )
 
 
+def _load(file: Path, document: pygltflib.GLTF2 | None) -> trimesh.Scene:
+    """trimesh's scene. glTF's materials are renamed to their index first, so that what trimesh leaves out can be found."""
+    try:
+        if document is None:
+            return trimesh.load_scene(file, process=False)
+        numbered = copy.deepcopy(document)
+        for index, material in enumerate(numbered.materials):
+            material.name = str(index)
+        is_binary = file.suffix.lower() == ".glb"
+        data = b"".join(numbered.save_to_bytes()) if is_binary else numbered.to_json().encode()
+        resolver = trimesh.resolvers.FilePathResolver(file)
+        return trimesh.load_scene(io.BytesIO(data), file_type=file.suffix[1:].lower(), resolver=resolver, process=False)
+    except Exception as error:  # trimesh's readers raise whatever they stumble over
+        raise InputError(f"cannot be read: {type(error).__name__}: {error}", file=file) from None
+
+
+def _files_of_obj(file: Path) -> list[Path]:
+    """The material libraries of an OBJ file and the images that these name."""
+    if file.suffix.lower() != ".obj":
+        return []
+    libraries = [file.parent / name for name in _words_after(file, ("mtllib",))]
+    missing = [library for library in libraries if not library.is_file()]
+    if missing:
+        raise InputError(f"missing material library {missing[0].name}", file=file)
+    images = [library.parent / name for library in libraries for name in _words_after(library, ("map_Kd", "map_Ka"))]
+    missing = [image for image in images if not image.is_file()]
+    if missing:
+        raise InputError(f"missing texture {missing[0].name}", file=file)
+    return [*libraries, *dict.fromkeys(images)]
+
+
+def _words_after(file: Path, keywords: tuple[str, ...]) -> list[str]:
+    try:
+        lines = [line.split() for line in file.read_text(errors="replace").splitlines()]
+    except OSError as error:
+        raise InputError(error.strerror or "cannot be read", file=file) from None
+    return [words[-1] for words in lines if len(words) > 1 and words[0] in keywords]
+
+
 def _mesh(name: str, geometry: trimesh.Trimesh, file: Path) -> Mesh:
     uv = getattr(geometry.visual, "uv", None)
     has_normals = "vertex_normals" in geometry._cache  # as stored in the file; asking the property would make them up
@@ -81,8 +120,8 @@ def _read_gltf_json(file: Path) -> tuple[pygltflib.GLTF2, list[Path]]:
     """The parsed JSON and the files that it names. Raises InputError for what is missing or cannot be read."""
     try:
         document = pygltflib.GLTF2().load(str(file))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
-        raise InputError(f"not glTF: {error}", file=file) from None
+    except Exception as error:  # pygltflib passes on whatever a damaged file makes of it
+        raise InputError(f"not glTF: {type(error).__name__}: {error}", file=file) from None
     if document is None:
         raise InputError("not glTF", file=file)
     refused = [name for name in UNREADABLE_EXTENSIONS if name in (document.extensionsRequired or ())]
@@ -112,10 +151,10 @@ def _not_read(document: pygltflib.GLTF2) -> list[str]:
 class _MaterialReader:
     """Materials of one file, each once; `materials` and `textures` grow as meshes ask for them."""
 
-    def __init__(self, document: pygltflib.GLTF2 | None) -> None:
+    def __init__(self, document: pygltflib.GLTF2 | None, file: Path) -> None:
         self.materials: list[Material] = []
         self.textures: list[Texture] = []
-        self._factors = {item.name: item for item in document.materials} if document else {}
+        self._document, self._file = document, file
         self._known: dict[int, int] = {}
         self._texels: dict[int, NDArray] = {}
 
@@ -135,50 +174,72 @@ class _MaterialReader:
         if not isinstance(material, trimesh.visual.material.SimpleMaterial):
             return Material(name="default")
         rgb = tuple(float(c) for c in np.asarray(material.diffuse[:3]) / 255)
-        slot = self._slot(material.image, srgb=True)
+        slot = self._slot(material.image, None, srgb=True)
         return Material(name=str(material.name), base_color=(1, 1, 1) if slot else rgb, base_texture=slot)
 
     def _physically_based(self, material) -> Material:
-        base, roughness, metallic, emission = (1.0, 1.0, 1.0, 1.0), 1.0, 1.0, (0.0, 0.0, 0.0)
-        strength, normal_scale, occluded = 1.0, 1.0, material.occlusionTexture is not None
-        source = self._factors.get(material.name)
-        if source is not None:
-            pbr = source.pbrMetallicRoughness or pygltflib.PbrMetallicRoughness()
-            base = _or(pbr.baseColorFactor, base)
-            roughness, metallic = _or(pbr.roughnessFactor, 1.0), _or(pbr.metallicFactor, 1.0)
-            emission = _or(source.emissiveFactor, emission)
-            strength = (source.extensions or {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-            normal_scale = _or(source.normalTexture.scale, 1.0) if source.normalTexture else 1.0
-        elif material.baseColorFactor is not None:
-            base = tuple(np.asarray(material.baseColorFactor, dtype=float) / 255)
-        alpha = {"MASK": "mask", "BLEND": "blend"}.get(material.alphaMode or "OPAQUE", "opaque")
+        source = pygltflib.Material()
+        if self._document is not None and str(material.name).isdigit():
+            source = self._document.materials[int(material.name)]
+        pbr = source.pbrMetallicRoughness or pygltflib.PbrMetallicRoughness()
+        base, emission = pbr.baseColorFactor or (1.0,) * 4, source.emissiveFactor or (0.0,) * 3
+        strength = (source.extensions or {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        alpha = {"MASK": "mask", "BLEND": "blend"}.get(source.alphaMode or "OPAQUE", "opaque")
+        normal_scale = source.normalTexture.scale if source.normalTexture else 1.0
         return Material(
-            name=str(material.name),
+            name=source.name or f"material {material.name}",
             base_color=tuple(base[:3]),
             opacity=1.0 if alpha == "opaque" else float(base[3]),
-            roughness=float(roughness),
-            metallic=float(metallic),
+            roughness=_or(pbr.roughnessFactor, 1.0),
+            metallic=_or(pbr.metallicFactor, 1.0),
             emission=tuple(float(c) * strength for c in emission),
             alpha=alpha,
-            alpha_cutoff=float(_or(material.alphaCutoff, 0.5)),
-            normal_scale=float(normal_scale),
-            base_texture=self._slot(material.baseColorTexture, srgb=True),
-            surface_texture=self._slot(material.metallicRoughnessTexture, scale=(0, 1, 1, 0), bias=(1, 0, 0, 1)),
-            normal_texture=self._slot(material.normalTexture, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)),
-            emission_texture=self._slot(material.emissiveTexture, srgb=True),
-            not_read=("occlusion map",) if occluded else (),
+            alpha_cutoff=_or(source.alphaCutoff, 0.5),
+            normal_scale=_or(normal_scale, 1.0),
+            base_texture=self._slot(material.baseColorTexture, pbr.baseColorTexture, srgb=True),
+            surface_texture=self._slot(
+                material.metallicRoughnessTexture, pbr.metallicRoughnessTexture, scale=(0, 1, 1, 0), bias=(1, 0, 0, 1)
+            ),
+            normal_texture=self._slot(
+                material.normalTexture, source.normalTexture, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)
+            ),
+            emission_texture=self._slot(material.emissiveTexture, source.emissiveTexture, srgb=True),
+            not_read=("occlusion map",) if source.occlusionTexture else (),
         )
 
-    def _slot(self, image: Image.Image | None, *, srgb: bool = False, scale=(1,) * 4, bias=(0,) * 4) -> Slot | None:
-        if image is None:
+    def _slot(self, image: Image.Image | None, info, *, srgb: bool = False, scale=(1,) * 4, bias=(0,) * 4) -> Slot | None:
+        """`info` is glTF's reference to the texture, or None; trimesh gives no image where it could not decode one."""
+        if image is None and info is None:
             return None
+        wrap = self._wrap(info) if info is not None else ("repeat", "repeat")
+        if image is None:
+            raise InputError(f"{self._name_of(info)} cannot be read as an image", file=self._file, field="images")
         texels = self._texels.setdefault(id(image), texels_of(image))
-        wanted = Texture(name=f"image {len(self.textures)}", texels=texels, srgb=srgb, scale=scale, bias=bias)
+        name = self._name_of(info) if info is not None else f"image {len(self.textures)}"
+        wanted = Texture(name=name, texels=texels, srgb=srgb, wrap=wrap, scale=scale, bias=bias)
         for index, texture in enumerate(self.textures):
-            if texture.texels is texels and replace(texture, name=wanted.name, texels=None) == replace(wanted, texels=None):
+            if texture.texels is texels and replace(texture, texels=None) == replace(wanted, texels=None):
                 return Slot(texture=index)
         self.textures.append(wanted)
         return Slot(texture=len(self.textures) - 1)
+
+    def _wrap(self, info) -> tuple[str, str]:
+        texture = self._entry("textures", info.index)
+        if texture.sampler is None:
+            return "repeat", "repeat"
+        sampler = self._entry("samplers", texture.sampler)
+        return GLTF_WRAP[_or(sampler.wrapS, 10497)], GLTF_WRAP[_or(sampler.wrapT, 10497)]
+
+    def _name_of(self, info) -> str:
+        source = self._entry("textures", info.index).source
+        image = self._entry("images", source) if source is not None else None
+        return (image.uri if image and image.uri and not image.uri.startswith("data:") else None) or f"image {source}"
+
+    def _entry(self, kind: str, index: int):
+        entries = getattr(self._document, kind)
+        if not 0 <= index < len(entries):
+            raise InputError(f"names {kind[:-1]} {index}, there are {len(entries)}", file=self._file, field=kind)
+        return entries[index]
 
 
 def _or(value, default):

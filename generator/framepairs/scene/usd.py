@@ -29,8 +29,10 @@ def load_usd(file: Path) -> SceneDescription:
     try:
         stage = Usd.Stage.Open(str(file))
     except Tf.ErrorException as error:
-        first = str(error).strip().splitlines()
-        raise InputError(f"not a USD stage: {first[-1].strip(' -')}", file=file) from None
+        raise InputError(f"not a USD stage: {' '.join(str(error).split())}", file=file) from None
+    problems = stage.GetCompositionErrors()
+    if problems:
+        raise InputError(f"does not compose: {' '.join(str(problems[0]).split())[:300]}", file=file)
     try:
         return _read_stage(stage, file)
     except InputError as error:
@@ -50,7 +52,10 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
     environments: list[Environment] = []
     rate = stage.GetTimeCodesPerSecond()
     to_world = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+    prims_in_order = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in prims_in_order:
+        if prim.IsA(UsdGeom.PointInstancer):
+            prims_in_order.PruneChildren()  # its prototypes are not drawn in their own place
         if not _is_drawn(prim):
             continue
         if prim.IsA(UsdGeom.Mesh):
@@ -63,7 +68,7 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
                 prims.append(prim)
         elif prim.HasAPI(UsdLux.LightAPI):
             matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
-            item = _read_light(prim, matrix, not_read)
+            item = _read_light(prim, matrix, not_read, reader.files)
             if isinstance(item, Light):
                 lights.append(item)
             elif isinstance(item, Environment):
@@ -73,7 +78,8 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
         elif prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer):
             not_read.append(f"{prim.GetTypeName()} {prim.GetPath()}")
     not_read += [f"dome light {extra.name}: only one is drawn" for extra in environments[1:]]
-    layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath]
+    # a layer inside a .usdz is called package.usdz[layer.usda]: the package itself is among the files already
+    layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath and "[" not in layer.realPath]
     files = [file, *sorted({*layers, *reader.files} - {file.resolve(), file})]
 
     def world_from_object(time_s: float) -> NDArray[np.float64]:
@@ -130,6 +136,8 @@ def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[s
         return
     if usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none and len(counts) and (counts != 3).any():
         not_read.append(f"subdivision of {path}: its control mesh is drawn")
+    if usd_mesh.GetPointsAttr().ValueMightBeTimeVarying():
+        not_read.append(f"moving points of {path}: they are drawn as they begin")
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
     rest = np.ones(len(counts), dtype=bool)
     selections: list[tuple[str, Usd.Prim, NDArray]] = []
@@ -189,7 +197,8 @@ def _fan(counts: NDArray, faces: NDArray) -> tuple[NDArray, NDArray]:
 def _primvar(primvar: UsdGeom.Primvar, corner: NDArray, face: NDArray, indices: NDArray, width: int, name: str):
     if not primvar or not primvar.HasValue():
         return None
-    values = np.array(primvar.ComputeFlattened(Usd.TimeCode.EarliestTime()), dtype=np.float32).reshape(-1, width)
+    flat = primvar.ComputeFlattened(Usd.TimeCode.EarliestTime())
+    values = np.array(flat, dtype=np.float32).reshape(len(flat), -1)[:, :width]
     return _interpolated(values, str(primvar.GetInterpolation()), corner, face, indices, name)
 
 
@@ -233,7 +242,9 @@ def _indexed(name: str, positions: NDArray, normals: NDArray | None, uv: NDArray
     )
 
 
-def _read_light(prim: Usd.Prim, matrix: NDArray, not_read: list[str]) -> Light | Environment | None:
+def _read_light(
+    prim: Usd.Prim, matrix: NDArray, not_read: list[str], files: list[Path]
+) -> Light | Environment | None:
     light, path = UsdLux.LightAPI(prim), str(prim.GetPath())
     strength = light.GetIntensityAttr().Get() * 2.0 ** light.GetExposureAttr().Get()
     color = np.array(light.GetColorAttr().Get(), dtype=float)
@@ -241,7 +252,7 @@ def _read_light(prim: Usd.Prim, matrix: NDArray, not_read: list[str]) -> Light |
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(light.GetColorTemperatureAttr().Get()))
     normalize = light.GetNormalizeAttr().Get()
     if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
-        return _read_dome(prim, matrix, strength * color)
+        return _read_dome(prim, matrix, strength * color, files)
     if prim.IsA(UsdLux.DistantLight):
         half_angle = math.radians(UsdLux.DistantLight(prim).GetAngleAttr().Get()) / 2
         extent = 1.0 if normalize or half_angle == 0 else math.pi * math.sin(half_angle) ** 2
@@ -251,12 +262,20 @@ def _read_light(prim: Usd.Prim, matrix: NDArray, not_read: list[str]) -> Light |
         radius = UsdLux.SphereLight(prim).GetRadiusAttr().Get() * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
         intensity = strength / 4 if normalize else strength * math.pi * radius**2
         not_read.append(f"radius of sphere light {path}: it shines as a point")
+        if prim.HasAPI(UsdLux.ShapingAPI):
+            not_read.append(f"cone of {path}: it shines all around")
         return Light(name=path, kind="point", radiance=tuple(intensity * color), position=tuple(matrix[:3, 3]))
     not_read.append(f"{prim.GetTypeName()} {path}")
     return None
 
 
-def _read_dome(prim: Usd.Prim, matrix: NDArray, radiance: NDArray) -> Environment:
+def _pole(prim: Usd.Prim) -> str:
+    """'Y' or 'Z': DomeLight_1's pole, by default the stage's up axis (DomeLight's is always Y)."""
+    pole = str(UsdLux.DomeLight_1(prim).GetPoleAxisAttr().Get() or "scene")
+    return str(UsdGeom.GetStageUpAxis(prim.GetStage())) if pole == "scene" else pole
+
+
+def _read_dome(prim: Usd.Prim, matrix: NDArray, radiance: NDArray, files: list[Path]) -> Environment:
     asset = UsdLux.LightAPI(prim).GetInput("texture:file").Get()
     texels = np.ones((1, 2, 3), dtype=np.float32)
     if asset is not None and asset.path:
@@ -264,12 +283,13 @@ def _read_dome(prim: Usd.Prim, matrix: NDArray, radiance: NDArray) -> Environmen
         if not opened:
             raise InputError(f"missing texture {asset.path}", field=str(prim.GetPath()))
         decoded = decode_image(bytes(opened.GetBuffer()), asset.path)
+        if "[" not in asset.resolvedPath:
+            files.append(Path(asset.resolvedPath))
         texels = linear_texels(Texture(name=asset.path, texels=decoded, srgb=decoded.dtype == np.uint8))[..., :3]
     rotation = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     environment = Environment(
         name=str(prim.GetPath()), texels=(texels * radiance).astype(np.float32), world_from_environment=rotation
     )
-    is_z_pole = prim.IsA(UsdLux.DomeLight_1) and UsdGeom.GetStageUpAxis(prim.GetStage()) == UsdGeom.Tokens.z
-    if is_z_pole:
+    if prim.IsA(UsdLux.DomeLight_1) and _pole(prim) == "Z":
         environment = replace(environment, world_from_environment=rotation @ rotation_from_y_up("Z"))
     return environment

@@ -4,11 +4,12 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import NDArray
 from pxr import Ar, UsdShade
 
 from ..errors import InputError
-from .description import IDENTITY_UV, Material, Slot, Texture
+from .description import Material, Slot, Texture
 from .images import decode_image, pack_channels
 
 COMPONENT = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": 0, "rgba": 0}
@@ -210,15 +211,15 @@ def _value(shader: UsdShade.Shader, key: str):
 
 
 def _uv_source(texture_shader: UsdShade.Shader) -> tuple[str, tuple]:
-    """Name of the primvar that gives uv, and the 2x3 matrix of a UsdTransform2d before it."""
-    uv = IDENTITY_UV
+    """Name of the primvar that gives uv, and the 2x3 matrix of the UsdTransform2d between (the last one applies first)."""
+    total = np.eye(3)
     source = _source(texture_shader, "st")
     while source and source[0].GetIdAttr().Get() == "UsdTransform2d":
         node = source[0]
         scale, shift = _value(node, "scale") or (1, 1), _value(node, "translation") or (0, 0)
         angle = math.radians(_value(node, "rotation") or 0)
         c, s = math.cos(angle), math.sin(angle)
-        uv = ((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1]))
+        total = total @ np.array([[c * scale[0], -s * scale[1], shift[0]], [s * scale[0], c * scale[1], shift[1]], [0, 0, 1]])
         source = _source(node, "in")
     name = _value(source[0], "varname") if source else None
-    return str(name or "st"), uv
+    return str(name or "st"), tuple(tuple(row) for row in total[:2].tolist())
