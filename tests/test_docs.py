@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from framepairs.bundled import bundled_folder
 from framepairs.camera_path import Keyframe, Pose
 from framepairs.channels import CHANNEL, CHANNELS

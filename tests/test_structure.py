@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import lru_cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "generator" / "framepairs"
@@ -20,6 +21,7 @@ def module_name(file: Path) -> str:
     return name.removesuffix("/__init__")
 
 
+@lru_cache
 def modules() -> dict[str, ast.Module]:
     files = [file for file in PACKAGE.rglob("*.py") if file != PACKAGE / "__init__.py"]
     return {module_name(file): ast.parse(file.read_text()) for file in files}

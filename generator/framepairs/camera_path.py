@@ -8,6 +8,7 @@ too. A keyframe (or pose) with `cut` begins a new shot: nothing is interpolated 
 
 import json
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -138,7 +139,7 @@ def read_camera_path(file: Path) -> CameraPath:
         values = json.loads(text)
     except OSError as error:
         raise InputError(error.strerror or "cannot be read", file=file) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not JSON: {error}", file=file) from None
     return make_camera_path(values, file=file)
 
@@ -162,14 +163,13 @@ def frame_count(path: CameraPath) -> int:
 def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
     """The camera at `time` seconds; before the first and after the last stop it stands still."""
     stops = path.keyframes or path.poses
-    # A frame's time i / fps and a stop's decimal time may differ in the last bit: the stop counts as reached.
-    reached = time + 1e-9 * max(1.0, abs(time))
-    index = max((i for i, stop in enumerate(stops) if stop.time <= reached), default=0)
+    slack = _slack(time)
+    index = max(bisect_right(stops, time + slack, key=lambda stop: stop.time) - 1, 0)
     stop = stops[index]
     following = stops[index + 1] if index + 1 < len(stops) and not stops[index + 1].cut else None
     leaves = stop.time + getattr(stop, "hold", 0)
     t = 0.0
-    if following is not None and following.time > leaves:
+    if following is not None and following.time > leaves and time > leaves + slack:
         t = min(max((time - leaves) / (following.time - leaves), 0.0), 1.0)
     fov = [math.radians(s.fov_y_deg or path.fov_y_deg) for s in (stop, following or stop)]
     up = np.array(path.up, dtype=float) if path.up else scene_up
@@ -183,6 +183,11 @@ def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
         shot=sum(s.cut for s in stops[1 : index + 1]),
         scene_time_s=_scene_time(path, time),
     )
+
+
+def _slack(time: float) -> float:
+    """A frame's time i / fps and a stop's decimal time may differ in the last digits: so near, they are the same."""
+    return 1e-9 * max(1.0, abs(time))
 
 
 def _between_poses(a: Pose, b: Pose, t: float) -> Matrix:
@@ -202,7 +207,12 @@ def _between_keyframes(path: CameraPath, index: int, moves: bool, t: float, up: 
     position = _cubic([k.position for k in shot], shot, index - first, t)
     targets = [k.look_at for k in shot if k.look_at is not None]
     if len(targets) == len(shot):
-        return look_at(position, _cubic(targets, shot, index - first, t), up)
+        target = _cubic(targets, shot, index - first, t)
+        try:
+            return look_at(position, target, up)
+        except ValueError as error:
+            problem = f"{error} on the way to the next keyframe"
+            raise InputError(problem, file="camera path", field=f"keyframes.{index}") from None
     rotation = rotation_from_quaternion(slerp(_orientation(a, up), _orientation(b, up), t))
     return rigid(rotation, position)
 
@@ -245,11 +255,13 @@ def _velocity(values: np.ndarray, shot: tuple[Keyframe, ...], index: int) -> Vec
 
 def _scene_time(path: CameraPath, time: float) -> float:
     """Time of the animation: constant, to the last bit, while a hold stops it."""
-    stopped = 0.0
+    stopped, slack = 0.0, _slack(time)
     for keyframe in path.keyframes:
-        if keyframe.animation != "stops" or time <= keyframe.time:
+        if time < keyframe.time - slack:
+            break
+        if keyframe.animation != "stops" or keyframe.hold == 0:
             continue
-        if time < keyframe.time + keyframe.hold:
+        if time <= keyframe.time + keyframe.hold + slack:
             return keyframe.time - stopped
         stopped += keyframe.hold
     return time - stopped

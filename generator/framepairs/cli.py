@@ -237,9 +237,8 @@ def upscale(
     if json_:
         print(json.dumps(rows, indent=1))
     elif not quiet:
-        columns = ["sequence", "stream", "method", "part", "psnr", "ssim", "ms"]
-        table = [[row[k] if isinstance(row[k], str) else f"{row[k]:.4g}" for k in columns] for row in rows]
-        _print_table("upscale: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
+        for sequence in opened.sequences:
+            _print_upscaled(sequence, [row for row in rows if row["sequence"] == sequence])
 
 
 @app.command()
@@ -364,6 +363,18 @@ def _render(job, frames: range, *, quiet: bool, json_: bool, add_streams: bool) 
 def _progress(silent: bool) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=error_console, transient=True, disable=silent)
+
+
+def _print_upscaled(sequence: str, rows: list[dict]) -> None:
+    """One line per stream and method; the parts of `summarise` side by side."""
+    parts = {(row["stream"], row["method"], row["part"]): row for row in rows}
+    table = []
+    for stream, method in dict.fromkeys((row["stream"], row["method"]) for row in rows):
+        whole, *still = (parts.get((stream, method, part)) for part in ("all", "still", "still, end"))
+        stills = ["" if part is None else f"{part['psnr']:.2f}" for part in still]
+        table.append([stream, method, f"{whole['psnr']:.2f}", f"{whole['ssim']:.3f}", *stills, f"{whole['ms']:.1f}"])
+    columns = ["stream", "method", "PSNR", "SSIM", "still", "last still", "ms"]
+    _print_table(f"{sequence}: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
 
 
 def _constant_text(need) -> str:

@@ -71,7 +71,7 @@ def default_mip_bias(scale: float, offset: float = 0.0) -> float:
 
 def truth_mip_bias(samples: int) -> float:
     """-log2(N) / 2 for N samples a pixel: the level whose texels are as far apart as the samples."""
-    return -0.5 * math.log2(samples)
+    return 0.0 - 0.5 * math.log2(samples)
 
 
 def frame_name(frame: int) -> str:

@@ -36,12 +36,10 @@ def jitter(frame: int, length: int) -> tuple[float, float]:
 def antialiasing_positions(samples: int) -> tuple[tuple[float, float], ...]:
     """`samples` positions inside a pixel, in (0, 1)^2, x right, y down.
 
-    One sample lies at the centre. More are the Hammersley set, shifted by half a stratum in x and so that y's mean is a
-    half: every horizontal and (for powers of two) vertical 1/N strip holds one, and the mean position is the centre, so
-    that the truth is not displaced against the one-sample channels.
+    The Hammersley set with each coordinate at the middle of its stratum: every column and every row of 1/N holds one
+    sample (for N that is no power of two, y takes the rank of its radical inverse), and the mean position is the centre,
+    so that the truth is not displaced against the one-sample channels.
     """
-    if samples == 1:
-        return ((0.5, 0.5),)
-    ys = [radical_inverse(index, 2) for index in range(samples)]
-    shift = 0.5 - sum(ys) / samples
-    return tuple(((index + 0.5) / samples, y + shift) for index, y in enumerate(ys))
+    order = sorted(range(samples), key=lambda index: radical_inverse(index, 2))
+    rank = {index: place for place, index in enumerate(order)}
+    return tuple(((index + 0.5) / samples, (rank[index] + 0.5) / samples) for index in range(samples))

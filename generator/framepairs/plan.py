@@ -77,7 +77,7 @@ def read_plan(file: Path) -> dict:
         values = json.loads(file.read_text())
     except OSError as error:
         raise InputError(error.strerror or "cannot be read", file=file) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not JSON: {error}", file=file) from None
     if not isinstance(values, dict):
         raise InputError("a plan is a JSON object", file=file)

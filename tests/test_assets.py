@@ -1,0 +1,35 @@
+"""Real third-party scenes, with the default orbit and the default light: a validated corpus from what others made."""
+
+import numpy as np
+import pytest
+
+from analytic import plan_of
+from framepairs.corpus import Corpus
+from framepairs.frame import orbit
+from framepairs.job import Job
+from framepairs.pipeline import render_sequence
+from framepairs.scene import light_scene, load_scene
+from framepairs.validate import validate_corpus
+
+
+@pytest.mark.parametrize(
+    "name", ["FlightHelmet/FlightHelmet.gltf", "BreakfastRoom/BreakfastRoom.gltf", "AnimatedCubeUSD/AnimatedCube.usdz"]
+)
+def test_a_third_party_scene_gives_a_validated_corpus(assets, tmp_path, name):
+    file = assets / name
+    scene, light = light_scene(load_scene(file), None)
+    assert light == "default"
+    job = Job(
+        scene=scene, scene_name=str(file), environment=light, path=orbit(scene), path_name="orbit", out=tmp_path / "c",
+        plan=plan_of(display=(240, 135), scales=(2,), antialiasing=4, channels="needed"),
+    )  # fmt: skip
+    list(render_sequence(job, range(14, 17)))
+    corpus = Corpus(tmp_path / "c")
+    failed = {result.id: result.worst for result in validate_corpus(corpus) if result.verdict == "fail"}
+    assert failed == {}
+    (sequence,) = corpus.sequences
+    color, identity = (corpus.read(sequence, "hr", channel, 15) for channel in ("color", "object_id"))
+    assert 0.02 < (identity > 0).mean() < 0.9
+    assert 0.01 < np.median(color[identity[..., 0] > 0]) < 2
+    motion = corpus.read(sequence, "hr", "motion", 15)
+    assert np.abs(motion).max() > 0.5
