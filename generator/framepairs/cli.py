@@ -218,22 +218,19 @@ def upscale(
     from .upscale import METHODS, summarise
 
     opened = Corpus(corpus)
-    jobs = []
-    for sequence in opened.sequences:
-        lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
-        unknown = [name for name in stream or () if name not in lr]
-        if unknown:
-            raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
-        jobs += [(sequence, name, m) for name in (stream or lr) for m in (method or METHODS)]
     unknown = [name for name in method or () if name not in METHODS]
     if unknown:
         raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
     rows = []
     with _progress(quiet or json_) as bar:
-        task = bar.add_task("upscaling", total=len(jobs))
-        for sequence, name, chosen in jobs:
-            rows += summarise(opened, sequence, name, chosen, out)
-            bar.advance(task)
+        task = bar.add_task("upscaling", total=sum(len(opened.frames(name)) for name in opened.sequences))
+        for sequence in opened.sequences:
+            lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
+            unknown = [name for name in stream or () if name not in lr]
+            if unknown:
+                raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
+            pairs = [(name, chosen) for name in (stream or lr) for chosen in (method or METHODS)]
+            rows += summarise(opened, sequence, pairs, out, on_frame=lambda: bar.advance(task))
     if json_:
         print(json.dumps(rows, indent=1))
     elif not quiet:

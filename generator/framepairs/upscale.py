@@ -6,7 +6,8 @@ not rectify colours, so a static scene converges to its truth.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,12 +20,12 @@ from .channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
 from .conventions import frame_name
 from .corpus import Corpus
 from .errors import InputError
-from .manifest import FrameRecord
 from .metrics import psnr, ssim, to_display
 from .warp import Image, bilinear, catmull_rom, fetch, nearest, pixel_centres, to_array, to_image
 
 SPATIAL = {"nearest": nearest, "bilinear": bilinear, "bicubic": catmull_rom}
 METHODS = (*SPATIAL, "accumulate")
+JUDGES = 2  # threads that compute metrics
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,47 +123,57 @@ def upscale_sequence(
         yield frame, to_array(planes, *size), elapsed
 
 
-def compare_sequence(corpus: Corpus, sequence: str, stream: str, method: str) -> Iterator[tuple[ReportRow, NDArray]]:
-    """One ReportRow per frame, and the upscaled frame [height, width, 3] as display codes in [0, 1]."""
-    for frame, image, elapsed in upscale_sequence(corpus, sequence, stream, method):
-        record: FrameRecord = corpus.record(sequence, frame)
-        truth = to_display(corpus.read(sequence, "hr", "color", frame), record.exposure_ev)
-        shown = to_display(np.maximum(image, 0), record.exposure_ev)
-        row = ReportRow(
-            sequence=sequence,
-            stream=stream,
-            method=method,
-            frame=frame,
-            psnr=psnr(shown, truth),
-            ssim=ssim(shown, truth),
-            ms=elapsed,
-        )
-        yield row, shown
+def compare_sequence(
+    corpus: Corpus, sequence: str, pairs: list[tuple[str, str]]
+) -> Iterator[list[tuple[ReportRow, NDArray]]]:
+    """Frame by frame, for each (stream, method) of `pairs`: its ReportRow, and the upscaled frame [height, width, 3] as
+    display codes in [0, 1]. The truth of a frame is read once."""
+    running = [upscale_sequence(corpus, sequence, stream, method) for stream, method in pairs]
+    with ThreadPoolExecutor(JUDGES) as judges:
+        for step in zip(*running, strict=True):
+            frame = step[0][0]
+            exposure = corpus.record(sequence, frame).exposure_ev
+            truth = to_display(corpus.read(sequence, "hr", "color", frame), exposure)
+            shown = [to_display(np.maximum(image, 0), exposure) for _, image, _ in step]
+            scores = judges.map(lambda image, truth=truth: (psnr(image, truth), ssim(image, truth)), shown)
+            yield [
+                (ReportRow(sequence=sequence, stream=s, method=m, frame=frame, psnr=p, ssim=q, ms=elapsed), image)
+                for (s, m), (_, _, elapsed), image, (p, q) in zip(pairs, step, shown, scores, strict=True)
+            ]
 
 
-def summarise(corpus: Corpus, sequence: str, stream: str, method: str, out: Path | None = None) -> list[dict]:
-    """Means over all frames ("all") and over those in which nothing moves ("still"; its last frame as "still, end").
+def summarise(
+    corpus: Corpus,
+    sequence: str,
+    pairs: list[tuple[str, str]],
+    out: Path | None = None,
+    on_frame: Callable[[], None] | None = None,
+) -> list[dict]:
+    """For each (stream, method), means over all frames ("all") and over those in which nothing moves ("still"; the last of
+    them as "still, end"). With `out`, every upscaled frame is written there as a PNG."""
+    rows: list[ReportRow] = []
+    for results in compare_sequence(corpus, sequence, pairs):
+        for row, shown in results:
+            rows.append(row)
+            if out is not None:
+                file = out / sequence / row.stream / row.method / f"{frame_name(row.frame)}.png"
+                file.parent.mkdir(parents=True, exist_ok=True)
+                PngImage.fromarray(np.round(shown * 255).astype(np.uint8)).save(file)
+        if on_frame:
+            on_frame()
+    still = {frame for frame in {row.frame for row in rows} if _is_still(corpus, sequence, frame)}
+    return [entry for pair in pairs for entry in _summary(sequence, pair, rows, still)]
 
-    With `out`, every frame is written there as a PNG.
-    """
-    rows = []
-    for row, shown in compare_sequence(corpus, sequence, stream, method):
-        rows.append(row)
-        if out is not None:
-            file = out / sequence / stream / method / f"{frame_name(row.frame)}.png"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            PngImage.fromarray(np.round(shown * 255).astype(np.uint8)).save(file)
-    frames = [row.frame for row in rows]
-    still = [row for row in rows if _is_still(corpus, sequence, row.frame)]
-    parts = {"all": rows, "still": still, "still, end": still[-1:]} if still else {"all": rows}
-    common = {"sequence": sequence, "stream": stream, "method": method}
-    return [
-        {**common, "part": part, "frames": len(members), **_means(members)} for part, members in parts.items() if frames
-    ]
 
-
-def _means(rows: list[ReportRow]) -> dict[str, float]:
-    return {key: float(np.mean([getattr(row, key) for row in rows])) for key in ("psnr", "ssim", "ms")}
+def _summary(sequence: str, pair: tuple[str, str], rows: list[ReportRow], still: set[int]) -> Iterator[dict]:
+    own = [row for row in rows if (row.stream, row.method) == pair]
+    standing = [row for row in own if row.frame in still]
+    for part, members in (("all", own), ("still", standing), ("still, end", standing[-1:])):
+        if members:
+            means = {key: float(np.mean([getattr(row, key) for row in members])) for key in ("psnr", "ssim", "ms")}
+            yield {
+                "sequence": sequence, "stream": pair[0], "method": pair[1], "part": part, "frames": len(members), **means
+            }  # fmt: skip
 
 
 def _is_still(corpus: Corpus, sequence: str, frame: int) -> bool:
