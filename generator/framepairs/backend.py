@@ -116,6 +116,13 @@ def __getattr__(name: str):
     return {"dr": drjit, "mi": mitsuba, "jit": drjit.cuda.ad if is_cuda else drjit.llvm.ad}[name]
 
 
+def opaque(kind, values):
+    """A vector type of Dr.Jit from numbers that kernels do not bake in: they are replayed when the numbers change."""
+    from drjit import opaque, value_t
+
+    return kind(*(opaque(value_t(kind), float(value)) for value in values))
+
+
 def versions() -> dict[str, str]:
     """Versions of what decides pixels and files."""
     return {name: version(name) for name in ("framepairs", "mitsuba", "drjit", "OpenEXR", "usd-core", "trimesh")}

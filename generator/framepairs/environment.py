@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .backend import dr, mi
+from .backend import dr, mi, opaque
 from .brdf import alpha_of, ggx, ggx_half_vector
 from .scene.description import Environment, Texture
 from .textures import TextureTable, build_textures, sample_finest, sample_level, sample_texture
@@ -38,8 +38,8 @@ def build_sky(environment: Environment) -> Sky:
     filtered = [_texture(f"sky {level}", _filtered(alone, environment, level / (LEVELS - 1))) for level in range(1, LEVELS)]
     return Sky(
         textures=build_textures((source, *filtered)),
-        harmonics=tuple(_opaque3(mi.Color3f, c) for c in _irradiance_harmonics(environment.texels)),
-        rows=tuple(_opaque3(mi.Vector3f, row) for row in rows),
+        harmonics=tuple(opaque(mi.Color3f, c) for c in _irradiance_harmonics(environment.texels)),
+        rows=tuple(opaque(mi.Vector3f, row) for row in rows),
     )
 
 
@@ -161,7 +161,3 @@ def _texture(name: str, rgb: np.ndarray) -> Texture:
 
 def _rgb(rgba: mi.Vector4f) -> mi.Color3f:
     return mi.Color3f(rgba.x, rgba.y, rgba.z)
-
-
-def _opaque3(kind, values):
-    return kind(*(dr.opaque(mi.Float, float(value)) for value in values))

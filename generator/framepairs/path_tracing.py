@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .backend import dr, mi
+from .backend import dr, mi, opaque
 from .conventions import Stream
 from .frame import FrameState
 from .gbuffer import camera_ray
@@ -102,8 +102,8 @@ def path_color(
         (view, dr.opaque(mi.Float, tracer.scale)),
         corner=mi.Vector2f(mi.Float(index % columns), mi.Float(index // columns)),
         inside=mi.Float(np.array(antialiasing_positions(stream.samples), dtype=np.float32).ravel()),
-        jitter=_opaque(mi.Vector2f, jitter),
-        size=_opaque(mi.Vector2f, stream.size),
+        jitter=opaque(mi.Vector2f, jitter),
+        size=opaque(mi.Vector2f, stream.size),
         paths=dr.opaque(mi.UInt32, paths),
         count=dr.opaque(mi.UInt32, paths * stream.samples),
     )
@@ -157,15 +157,15 @@ class _Lamp(mi.Emitter):
     def __init__(self, light: Light, scale: float):
         super().__init__(mi.Properties())
         self.m_flags = mi.EmitterFlags.DeltaPosition
-        self.intensity = _opaque(mi.Color3f, np.array(light.radiance) * scale**2)
-        self.aim = _opaque(mi.Vector3f, light.direction)
+        self.intensity = opaque(mi.Color3f, np.array(light.radiance) * scale**2)
+        self.aim = opaque(mi.Vector3f, light.direction)
         inner, outer = light.cone if light.kind == "spot" else (-2, -3)
         self.outer, self.width = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, max(inner - outer, 1e-4))
         self.place(np.zeros(3))
 
     def place(self, position: NDArray[np.float64]) -> None:
         """`position` [3] in the enlarged scene."""
-        self.position = _opaque(mi.Point3f, position)
+        self.position = opaque(mi.Point3f, position)
 
     def sample_direction(self, it, sample, active=True):
         ds = dr.zeros(mi.DirectionSample3f, dr.width(it))
@@ -206,7 +206,3 @@ def _sky(environment: Environment) -> dict:
     matrix = np.eye(4)
     matrix[:3, :3] = environment.world_from_environment
     return {"type": "envmap", "bitmap": mi.Bitmap(rows.astype(np.float32)), "to_world": mi.ScalarTransform4f(matrix)}
-
-
-def _opaque(kind, values):
-    return kind(*(dr.opaque(mi.Float, float(value)) for value in values))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .backend import dr, mi
+from .backend import dr, mi, opaque
 from .frame import CameraState
 from .transforms import Vector
 
@@ -48,12 +48,12 @@ def view_of(camera: CameraState, render_origin: Vector) -> View:
     right, up, backward = rotation.T
     rows = [np.append(axis, -axis @ origin) for axis in (right, up, -backward)]
     return View(
-        origin=_opaque(mi.Point3f, origin),
-        corner=_opaque(mi.Vector3f, -backward - tangent_x * right + tangent_y * up),
-        across=_opaque(mi.Vector3f, 2 * tangent_x * right),
-        down=_opaque(mi.Vector3f, -2 * tangent_y * up),
-        rows=tuple(_opaque(mi.Vector4f, row) for row in rows),
-        tangent=_opaque(mi.Vector2f, (tangent_x, tangent_y)),
+        origin=opaque(mi.Point3f, origin),
+        corner=opaque(mi.Vector3f, -backward - tangent_x * right + tangent_y * up),
+        across=opaque(mi.Vector3f, 2 * tangent_x * right),
+        down=opaque(mi.Vector3f, -2 * tangent_y * up),
+        rows=tuple(opaque(mi.Vector4f, row) for row in rows),
+        tangent=opaque(mi.Vector2f, (tangent_x, tangent_y)),
         near=dr.opaque(mi.Float, camera.near),
         far=dr.opaque(mi.Float, camera.far),
     )
@@ -79,7 +79,3 @@ def _projected(view: View, place, w: int) -> Projected:
     lateral = mi.Vector2f(x / view.tangent.x, -y / view.tangent.y)
     scale = 0.5 / dr.select(z > 0, z, 1)
     return Projected(0.5 + lateral.x * scale, 0.5 + lateral.y * scale, z, lateral)
-
-
-def _opaque(kind, values):
-    return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
