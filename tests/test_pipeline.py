@@ -96,6 +96,16 @@ def test_a_finished_render_is_not_rendered_again_and_a_damaged_frame_is(referenc
     assert contents(out) == contents(reference)
 
 
+def test_a_frame_of_another_version_is_rendered_again(reference, tmp_path):
+    """Its key differs, because everything that decides pixels is in it."""
+    out = render(tmp_path / "corpus")
+    file = out / "two_quads_slide/frames/000002.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"key": "0" * 64}))
+    steps = list(render_sequence(two_quads_job(out, **SMALL), range(4)))
+    assert [step.rendered for step in steps] == [False, False, True, False]
+    assert contents(out) == contents(reference)
+
+
 def test_frames_added_later_give_the_same_corpus(reference, tmp_path):
     out = render(tmp_path / "corpus", range(2, 4))
     render(out, range(0, 3))
