@@ -3,8 +3,10 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,8 @@ def files(tmp_path_factory) -> Path:
         (["render", "quad.obj", "--scale", "nan"], "scales.0"),
         (["render", "quad.obj", "--display", "0x18"], "display.0"),
         (["render", "quad.obj", "--display", "big"], "1920x1080"),
+        (["render", "quad.obj", "--display", "--5x2"], "1920x1080"),
+        (["render", "quad.obj", "--frames", "²:3"], "must look like 0:32"),
         (["render", "quad.obj", "--frames", "0:99"], "0:99 does not lie in 0:32"),
         (["render", "quad.obj", "--frames", "5"], "must look like 0:32"),
         (["render", "quad.obj", "--channels", "colour"], "unknown 'colour'"),
@@ -127,6 +131,37 @@ def test_regenerate_adds_a_scale_and_keeps_hr(corpus, tmp_path):
     assert elsewhere.returncode == 0, elsewhere.stderr
     assert all((tmp_path / "new" / file.relative_to(corpus)).read_bytes() == data for file, data in before.items())
     assert framepairs("validate", corpus, "--quiet").returncode == 0
+
+
+def test_ctrl_c_is_exit_130_and_the_same_command_resumes(files, tmp_path):
+    command = ["render", files / "quad.obj", "--scale", 2, "--display", "640x360", "--aa", 64, "--out", tmp_path / "c", "-q"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "framepairs.cli", *map(str, command)], stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("c/*/frames/*.json")) and running.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=120)
+    assert running.returncode == 130 and "interrupted" in said and len(said.strip().splitlines()) == 1
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_regenerate_renders_only_the_frames_that_are_there(files, tmp_path):
+    out = tmp_path / "c"
+    for frames in ("0:1", "2:3"):
+        arguments = ["--camera", files / "still.json", "--frames", frames, *TINY, "--out", out]
+        done = framepairs("render", files / "quad.obj", *arguments)
+        assert done.returncode == 0, done.stderr
+    assert framepairs("regenerate", out, "--scale", "3", "-q").returncode == 0
+    assert sorted(file.stem for file in out.glob("*/frames/*.json")) == ["000000", "000002"]
+    shutil.move(files / "quad.obj", tmp_path / "quad.obj")
+    moved = framepairs("regenerate", out, "--scale", "4", "--scene", tmp_path / "quad.obj", "-q")
+    shutil.move(tmp_path / "quad.obj", files / "quad.obj")
+    assert moved.returncode == 0, moved.stderr
+    (tmp_path / "quad.obj").write_text(QUAD_OBJ + "# changed\n")
+    other = framepairs("regenerate", out, "--scale", "5", "--scene", tmp_path / "quad.obj", "-q")
+    assert other.returncode == 2 and "no scene of this corpus" in other.stderr
 
 
 def test_validate_exits_1_and_names_the_file(corpus, tmp_path):

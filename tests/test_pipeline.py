@@ -11,6 +11,7 @@ from framepairs.channels import CHANNELS
 from framepairs.corpus import Corpus
 from framepairs.errors import FramepairsError, InputError, MachineError
 from framepairs.pipeline import estimated_bytes, render_sequence
+from framepairs.validate import validate_corpus
 from sample_corpus import two_quads_job
 
 SMALL = {"display": (48, 27), "scales": (2,), "antialiasing": 4}
@@ -178,9 +179,31 @@ def test_a_disk_that_fills_up_stops_with_the_file_named_and_resumes(reference, t
     assert contents(out) == contents(reference)
 
 
+def test_what_a_killed_render_left_is_cleared_away(reference, tmp_path):
+    out = render(tmp_path / "corpus", range(2))
+    for name in ("two_quads_slide/hr/depth/.000002.exr.77.part", "two_quads_slide/frames/.000002.json.77.part"):
+        (out / name).write_bytes(b"half")
+    render(out)
+    assert contents(out) == contents(reference)
+
+
+def test_a_damaged_record_elsewhere_does_not_stop_a_render(tmp_path):
+    out = render(tmp_path / "corpus", range(2))
+    (out / "two_quads_slide/frames/000000.json").write_text("{")
+    render(out, range(2, 3))
+    index = json.loads((out / "two_quads_slide/sequence.json").read_text())
+    assert [entry["frame"] for entry in index["frames"]] == [1, 2]
+
+
+def test_frames_need_not_be_a_range(tmp_path):
+    list(render_sequence(two_quads_job(tmp_path / "c", **SMALL), [0, 3]))
+    assert Corpus(tmp_path / "c").frames("two_quads_slide") == [0, 3]
+
+
 def test_only_chosen_channels_are_written(tmp_path):
     corpus = Corpus(render(tmp_path / "corpus", range(1), channels=("depth", "motion")))
     assert corpus.sequence("two_quads_slide").channels == ["depth", "motion"]
+    assert "fail" not in {result.verdict for result in validate_corpus(corpus)}
     with pytest.raises(InputError, match="albedo"):
         corpus.read("two_quads_slide", "hr", "albedo", 0)
 

@@ -139,12 +139,28 @@ def plant_surplus(folder):
     (folder / SEQUENCE / "hr" / "color" / "000099.exr").write_bytes(b"left over")
 
 
+def plant_bad_table(folder):
+    next((folder / "tables").iterdir()).write_bytes(b"bad")
+
+
+def plant_missing_stream(folder):
+    record = json.loads(record_file(folder, 7).read_text())
+    del record["streams"]["lr_x3"]
+    record_file(folder, 7).write_text(json.dumps(record))
+
+
+def plant_other_key(folder):
+    record = json.loads(record_file(folder, 7).read_text())
+    record_file(folder, 7).write_text(json.dumps(record | {"key": "0" * 64}))
+
+
 @pytest.mark.parametrize(
     ("plant", "check"),
     [
         (plant_still, "still"), (plant_nan, "finite"), (plant_long_normal, "range"), (plant_finite_background, "range"),
         (plant_reset, "reset"), (plant_dual, "dual_motion"), (plant_jitter, "jitter"), (plant_unknown_key, "schema"),
         (plant_flipped_bit, "files"), (plant_missing_file, "files"), (plant_empty_file, "files"), (plant_surplus, "surplus"),
+        (plant_bad_table, "complete"), (plant_missing_stream, "complete"), (plant_other_key, "complete"),
     ],
 )  # fmt: skip
 def test_each_mistake_fails_its_own_check(copy, plant, check):

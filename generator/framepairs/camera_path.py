@@ -27,6 +27,8 @@ from .transforms import (
     slerp,
 )
 
+MOST_FRAMES = 10**6  # frames have names of six digits
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 FieldOfView = Annotated[float, Field(gt=0, lt=180)]
@@ -111,6 +113,8 @@ class CameraPath(BaseModel):
                 raise ValueError(f"{kind}.{index}: time {b.time:g} lies before the end of what precedes it")
         if stops[0].time != 0:
             raise ValueError(f"{kind}.0: the first time must be 0, not {stops[0].time:g}")
+        if (stops[-1].time + getattr(stops[-1], "hold", 0)) * self.fps >= MOST_FRAMES:
+            raise ValueError(f"{kind}: more than {MOST_FRAMES} frames")
         if self.near and self.far and self.far <= self.near:
             raise ValueError("far must be greater than near")
         if self.up is not None and not any(self.up):

@@ -2,8 +2,9 @@
 machine cannot, 2 bad input, 130 interrupted."""
 
 import json
+import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +29,8 @@ CorpusFolder = Annotated[Path, typer.Argument(metavar="CORPUS", help="folder of 
 def main() -> None:
     """Run the command line; our own errors become one line and an exit code."""
     try:
-        app(standalone_mode=False)
+        if app(standalone_mode=False) == 130:  # newer Typer returns the exit code of an interrupt instead of raising
+            raise KeyboardInterrupt
     except FramepairsError as error:
         error_console.print(f"framepairs: {error}", style="bold red", markup=False, soft_wrap=True)
         sys.exit(error.exit_code)
@@ -41,7 +43,8 @@ def main() -> None:
         usage = getattr(error, "format_message", None)
         if usage is None:
             raise
-        error_console.print(f"framepairs: {usage()}", style="bold red", markup=False, soft_wrap=True)
+        if usage():  # empty where Typer has printed the help already
+            error_console.print(f"framepairs: {usage()}", style="bold red", markup=False, soft_wrap=True)
         sys.exit(2)
 
 
@@ -131,13 +134,11 @@ def regenerate(
     scales = kept + tuple(value for value in scale if value not in kept)
     resolved = make_plan(plan.model_dump() | {"scales": scales}, file="options")
     _activate(backend)
-    for name in opened.sequences:
-        entry = opened.sequence(name)
-        source = scene or entry.scene
-        environment = Path(entry.environment) if entry.environment not in (None, "default") else None
-        job = _job(entry.scene, find_scene(source), None, environment, resolved, out or corpus, stored=entry)
-        present = opened.frames(name)
-        frames = range(present[0], present[-1] + 1) if present else range(entry.frames)
+    jobs = [_stored_job(opened.sequence(name), scene, resolved, out or corpus) for name in opened.sequences]
+    if scene is not None and not any(moved for _, moved in jobs):
+        raise InputError("is no scene of this corpus (sha256 differs)", file=scene)
+    for (job, _), name in zip(jobs, opened.sequences, strict=True):
+        frames = opened.frames(name) or range(opened.sequence(name).frames)
         _render(job, frames, quiet=quiet, json_=json_, add_streams=out is None)
 
 
@@ -215,9 +216,12 @@ def upscale(
 ) -> None:
     """Bring LR streams back to the display's size and measure them against the truth (display transform aces_srgb)."""
     from .corpus import Corpus
+    from .manifest import make_folder
     from .upscale import METHODS, summarise
 
     opened = Corpus(corpus)
+    if out is not None:
+        make_folder(out)
     unknown = [name for name in method or () if name not in METHODS]
     if unknown:
         raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
@@ -246,9 +250,12 @@ def preview(
 ) -> None:
     """Write PNG contact sheets: every channel, and every stream."""
     from .corpus import Corpus
+    from .manifest import make_folder
     from .preview import write_previews
 
     opened = Corpus(corpus)
+    if out is not None:
+        make_folder(out)
     folder = out or corpus.with_name(f"{corpus.resolve().name}-preview")
     for file in write_previews(opened, folder):
         if not quiet:
@@ -268,10 +275,10 @@ def _plan_options(scale, display, shading, aa, spp, seed, streams, channels) -> 
     if scale:
         values["scales"] = tuple(scale)
     if display is not None:
-        parts = display.lower().split("x")
-        if len(parts) != 2 or not all(part.strip().lstrip("-").isdigit() for part in parts):
+        match = re.fullmatch(r"(-?[0-9]{1,9})x(-?[0-9]{1,9})", display.lower())
+        if match is None:
             raise InputError(f"must look like 1920x1080, not {display!r}", field="display")
-        values["display"] = tuple(int(part) for part in parts)
+        values["display"] = tuple(int(part) for part in match.groups())
     if streams is not None:
         names = [name.strip() for name in streams.split(",")]
         values["hr_native"] = "hr_native" in names
@@ -314,20 +321,32 @@ def _job(scene: str, file: Path, camera: str | None, environment: Path | None, p
     return Job(scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out)
 
 
+def _stored_job(entry, moved_to: str | None, plan, out: Path):
+    """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
+    environment = Path(entry.environment) if entry.environment not in (None, "default") else None
+    if moved_to is not None:
+        try:
+            return _job(entry.scene, find_scene(moved_to), None, environment, plan, out, stored=entry), True
+        except InputError as error:
+            if "sha256 differs" not in error.problem:
+                raise
+    return _job(entry.scene, find_scene(entry.scene), None, environment, plan, out, stored=entry), False
+
+
 def _frame_range(text: str | None, count: int) -> range:
     from .frame import check_frames
 
     if text is None:
         return range(count)
-    first, colon, end = text.partition(":")
-    if not colon or not (first or "0").isdigit() or not (end or "0").isdigit():
+    match = re.fullmatch(r"([0-9]{0,9}):([0-9]{0,9})", text)
+    if match is None:
         raise InputError(f"must look like 0:32, not {text!r}", field="frames")
-    chosen = range(int(first or 0), int(end or count))
+    chosen = range(int(match[1] or 0), int(match[2] or count))
     check_frames(chosen, count)
     return chosen
 
 
-def _render(job, frames: range, *, quiet: bool, json_: bool, add_streams: bool) -> None:
+def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams: bool) -> None:
     import time
 
     from .pipeline import estimated_bytes, render_sequence

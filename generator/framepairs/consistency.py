@@ -48,7 +48,8 @@ def warp_consistency(
         old_x + dr.opaque(jit.Float, previous_jitter[0]),
         old_y + dr.opaque(jit.Float, previous_jitter[1]),
     )
-    inside = _uniform(identity, centre_x, centre_y) & _uniform(old_identity, in_old_x, in_old_y)
+    inside = (centre_x > 1) & (centre_x < width - 1) & (centre_y > 1) & (centre_y < height - 1)
+    inside &= _uniform(identity, centre_x, centre_y) & _uniform(old_identity, in_old_x, in_old_y)
     judged = inside & ((to_image(now["visibility"]).planes[0] & ALL_SEEN) == ALL_SEEN)
     same = nearest(old_identity, in_old_x, in_old_y)[0] == identity.planes[0]
     inverse_depth = bilinear(to_image(1 / before["depth"]), in_old_x, in_old_y)[0]

@@ -4,7 +4,7 @@ The previous state is part of the data, never the memory of an earlier call: any
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -125,15 +125,14 @@ class Shoot:
         return len(self.samples)
 
 
-def check_frames(frames: range, count: int) -> None:
+def check_frames(frames: Sequence[int], count: int) -> None:
     """Raises InputError for frames that a path of `count` frames has not."""
     if len(frames) == 0 or frames[0] < 0 or frames[-1] >= count:
-        raise InputError(
-            f"{frames.start}:{frames.stop} does not lie in 0:{count}, the frames of the path", field="frames"
-        )
+        asked = f"{frames[0]}:{frames[-1] + 1} does" if frames else "no frames do"
+        raise InputError(f"{asked} not lie in 0:{count}, the frames of the path", field="frames")
 
 
-def frame_states(shoot: Shoot, frames: range) -> Iterator[FrameState]:
+def frame_states(shoot: Shoot, frames: Sequence[int]) -> Iterator[FrameState]:
     """States of `frames`; numbers past the end of the path raise InputError."""
     check_frames(frames, len(shoot))
     return (shoot.state(frame) for frame in frames)

@@ -105,7 +105,9 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
     if known is not None and known != entry:
         differing = next(key for key in type(entry).model_fields if getattr(known, key) != getattr(entry, key))
         raise InputError(f"sequence {job.sequence} is there with another {differing}", file=file, field=differing)
-    table = _write_table(job)
+    for left_over in (job.out / job.sequence).rglob(".*.part"):
+        left_over.unlink(missing_ok=True)  # of a render that was killed
+    table, data = _table(job)
     manifest = CorpusManifest(
         plan=job.plan,
         backend=mi.variant(),
@@ -117,6 +119,7 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
         sequences={**sequences, job.sequence: entry},
     )
     write_atomically(file, to_json(manifest))
+    write_atomically(job.out / table.path, data)
 
 
 def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool) -> None:
@@ -127,7 +130,7 @@ def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add
             raise InputError(f"the corpus has {key} = {old}, not {new}", file=file, field=f"plan.{key}")
 
 
-def _write_table(job: Job) -> TableRecord:
+def _table(job: Job) -> tuple[TableRecord, bytes]:
     model = job.plan.brdf_model
     channel = Channel(
         name="brdf_table", exr=("A", "B"), dtype="float", unit="1", frame_of_reference="none", needed_by="",
@@ -135,8 +138,7 @@ def _write_table(job: Job) -> TableRecord:
     )
     encoded = encode(channel, brdf_table(job.plan.brdf_table).numpy(), attributes={})
     path = f"tables/brdf_{model}.exr"
-    write_atomically(job.out / path, encoded.data)
-    return TableRecord(model=model, path=path, sha256=encoded.sha256, axes=channel.meaning)
+    return TableRecord(model=model, path=path, sha256=encoded.sha256, axes=channel.meaning), encoded.data
 
 
 def _sequence_record(job: Job) -> SequenceRecord:
@@ -148,7 +150,7 @@ def _sequence_record(job: Job) -> SequenceRecord:
             surface=list(need.constant) if need.constant is not None and name not in EVERYWHERE else None,
         )
         for name, need in job.needs.items()
-        if not need.needed and name not in written
+        if not need.needed and name not in written and _can_be_filled(job, need, written)
     }
     return SequenceRecord(
         scene=job.scene_name,
@@ -164,6 +166,13 @@ def _sequence_record(job: Job) -> SequenceRecord:
         channels=[channel.name for channel in job.channels],
         constants=constants,
     )
+
+
+def _can_be_filled(job: Job, need: Need, written: set[str]) -> bool:
+    """Whether a reader can tell the array from what is written: a value on surfaces alone needs to know where these are."""
+    if need.same_as:
+        return need.same_as in written or not job.needs[need.same_as].needed
+    return need.channel in EVERYWHERE or not any(need.constant) or "object_id" in written
 
 
 def _channel_row(channel: Channel) -> dict:

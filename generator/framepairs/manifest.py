@@ -193,7 +193,13 @@ def make_folder(folder: Path) -> None:
 
 def rebuild_sequence_index(folder: Path) -> SequenceIndex:
     """Write sequence.json anew from the frame records of a sequence's folder."""
-    records = [from_json(FrameRecord, file) for file in sorted((folder / "frames").glob("*.json"))]
+    records = []
+    for file in (folder / "frames").glob("*.json"):
+        try:
+            records.append(from_json(FrameRecord, file))
+        except InputError:
+            continue  # a damaged record is a frame that is not whole; rendering it writes it anew
+    records.sort(key=lambda record: record.frame)
     streams = [set(record.streams) for record in records]
     index = SequenceIndex(
         sequence=folder.name,

@@ -5,7 +5,7 @@ equals the key of what would be rendered and every stream is in it.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +50,7 @@ def estimated_bytes(job: Job, frames: int) -> int:
 
 
 def render_sequence(
-    job: Job, frames: range, *, add_streams: bool = False, on_engine: Callable[[Engine], None] | None = None
+    job: Job, frames: Sequence[int], *, add_streams: bool = False, on_engine: Callable[[Engine], None] | None = None
 ) -> Iterator[Progress]:
     """Render `frames` of the job's path into its corpus, and yield after each frame is on disk.
 

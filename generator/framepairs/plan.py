@@ -68,7 +68,9 @@ def make_plan(values: dict, *, file: str | Path | None = None) -> RenderPlan:
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or None
-        raise InputError(f"{first['msg']} (got {first['input']!r:.80})", file=file or "plan", field=field) from None
+        problem = first["msg"].removeprefix("Value error, ")
+        got = f" (got {first['input']!r:.80})" if field else ""
+        raise InputError(f"{problem}{got}", file=file or "plan", field=field) from None
 
 
 def read_plan(file: Path) -> dict:

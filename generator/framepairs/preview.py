@@ -93,10 +93,10 @@ def write_previews(corpus: Corpus, out: Path) -> list[Path]:
         frames = interesting_frames(corpus, sequence)
         if not frames:
             continue
-        for name, sheet in (
-            (f"{sequence}_channels.png", contact_sheet(corpus, sequence, frames)),
-            (f"{sequence}_streams.png", stream_sheet(corpus, sequence, frames[len(frames) // 2])),
-        ):
+        sheets = {f"{sequence}_channels.png": contact_sheet(corpus, sequence, frames)}
+        if "color" in corpus.sequence(sequence).channels:
+            sheets[f"{sequence}_streams.png"] = stream_sheet(corpus, sequence, frames[len(frames) // 2])
+        for name, sheet in sheets.items():
             sheet.save(out / name)
             written.append(out / name)
     return written

@@ -178,7 +178,9 @@ def _summary(sequence: str, pair: tuple[str, str], rows: list[ReportRow], still:
 
 def _is_still(corpus: Corpus, sequence: str, frame: int) -> bool:
     """Whether HR motion is 0 everywhere in a frame that follows another of its shot."""
-    return not corpus.record(sequence, frame).reset and not corpus.read(sequence, "hr", "motion", frame).any()
+    entry = corpus.sequence(sequence)
+    known = "motion" in entry.channels or "motion" in entry.constants
+    return known and not corpus.record(sequence, frame).reset and not corpus.read(sequence, "hr", "motion", frame).any()
 
 
 def _lr_position(image: Image, size: tuple[int, int]) -> tuple:

@@ -1,5 +1,6 @@
 """`framepairs validate`: named checks of a corpus, each with a figure, a threshold and a verdict. Needs no renderer."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ from .consistency import warp_consistency
 from .corpus import Corpus
 from .errors import InputError
 from .jitter import jitter
-from .manifest import FrameRecord
+from .manifest import FrameRecord, SequenceIndex, from_json
 from .schemas import check_file
 
 READERS = 2
@@ -37,6 +38,8 @@ class Check:
 CHECKS = (
     Check(id="schema", proves="every JSON file follows its published schema", threshold=0),
     Check(id="files", proves="every recorded file is there with its sha256, size and resolution", threshold=0),
+    Check(id="complete", proves="every frame has every stream, sequence.json lists them, the BRDF table is the recorded one",
+          threshold=0),
     Check(id="surplus", proves="there is no file that no record names", threshold=0),
     Check(id="finite", proves="every value is finite, but for depth's declared background", threshold=0),
     Check(id="range", proves="normals are unit or zero, shares lie in 0 to 1, depth is infinite only in the background",
@@ -81,6 +84,7 @@ def validate_corpus(corpus: Corpus, on_frame: Callable[[str, int], None] | None 
         for sequence in corpus.sequences:
             _check_schema(corpus.folder / sequence / "sequence.json", "sequence", found)
             _check_surplus(corpus, sequence, found)
+            _check_complete(corpus, sequence, found)
             moving = corpus.sequence(sequence).moving
             before: dict[str, dict[str, NDArray]] = {}
             last: FrameRecord | None = None
@@ -145,6 +149,29 @@ def _check_schema(file, name: str, found: _Findings) -> None:
         found.add("schema", 0, str(file))
     except InputError as error:
         found.add("schema", 1, str(error))
+
+
+def _check_complete(corpus: Corpus, sequence: str, found: _Findings) -> None:
+    table = corpus.manifest.brdf_table
+    file = corpus.folder / table.path
+    same = file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == table.sha256
+    found.add("complete", not same, f"{file}: missing, or not the recorded bytes")
+    promised = {row["name"] for row in corpus.manifest.streams}
+    keys = {}
+    for frame in corpus.frames(sequence):
+        try:
+            record = corpus.record(sequence, frame)
+        except InputError:
+            continue  # the schema check names it
+        keys[frame] = record.key
+        missing = sorted(promised - set(record.streams))
+        found.add("complete", len(missing), f"{sequence} frame {frame}: lacks {', '.join(missing)}")
+    try:
+        index = from_json(SequenceIndex, corpus.folder / sequence / "sequence.json")
+        differs = {entry.frame: entry.key for entry in index.frames} != keys
+        found.add("complete", differs, f"{sequence}/sequence.json does not list the frames that are there")
+    except InputError:
+        return  # the schema check names it
 
 
 def _check_surplus(corpus: Corpus, sequence: str, found: _Findings) -> None:
