@@ -136,7 +136,10 @@ def test_regenerate_adds_a_scale_and_keeps_hr(corpus, tmp_path):
 def test_ctrl_c_is_exit_130_and_the_same_command_resumes(files, tmp_path):
     command = ["render", files / "quad.obj", "--scale", 2, "--display", "640x360", "--aa", 64, "--out", tmp_path / "c", "-q"]
     running = subprocess.Popen(
-        [sys.executable, "-m", "framepairs.cli", *map(str, command)], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "framepairs.cli", *map(str, command)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # shells start background jobs with it ignored
     )
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("c/*/frames/*.json")) and running.poll() is None and time.monotonic() < deadline:

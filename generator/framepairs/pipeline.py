@@ -5,7 +5,7 @@ equals the key of what would be rendered and every stream is in it.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,12 +49,11 @@ def estimated_bytes(job: Job, frames: int) -> int:
     return frames * pixels * sum(channel.bytes_per_pixel for channel in job.channels)
 
 
-def render_sequence(
-    job: Job, frames: Sequence[int], *, add_streams: bool = False, on_engine: Callable[[Engine], None] | None = None
-) -> Iterator[Progress]:
+def render_sequence(job: Job, frames: Sequence[int], *, add_streams: bool = False) -> Iterator[Progress]:
     """Render `frames` of the job's path into its corpus, and yield after each frame is on disk.
 
-    Raises InputError for an existing corpus of another plan, and MachineError where a file cannot be written.
+    At the first step, raises InputError for an existing corpus of another plan; later, MachineError where a file cannot be
+    written.
     """
     states = frame_states(job.shoot, frames)
     engine: Engine | None = None
@@ -72,8 +71,6 @@ def render_sequence(
                 continue
             if engine is None:
                 engine = Engine(job.scene, job.plan)
-                if on_engine:
-                    on_engine(engine)
             jobs = [_submit(job, engine, writers, folder, state, stream) for stream in missing]
             waiting.append((state, record, jobs))
             if len(waiting) > 1:  # one frame is being written while the next is rendered
