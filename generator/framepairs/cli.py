@@ -37,15 +37,27 @@ def main() -> None:
     except typer.Exit as leave:
         sys.exit(leave.exit_code)
     except (KeyboardInterrupt, typer.Abort):
-        error_console.print("framepairs: interrupted; the same command resumes")
-        sys.exit(130)
+        _leave_interrupted()
     except Exception as error:
+        if _comes_from_interrupt(error):  # Dr.Jit wraps what is raised while it traces a loop
+            _leave_interrupted()
         usage = getattr(error, "format_message", None)
         if usage is None:
             raise
         if usage():  # empty where Typer has printed the help already
             error_console.print(f"framepairs: {usage()}", style="bold red", markup=False, soft_wrap=True)
         sys.exit(2)
+
+
+def _leave_interrupted() -> None:
+    error_console.print("framepairs: interrupted; the same command resumes")
+    sys.exit(130)
+
+
+def _comes_from_interrupt(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 @app.command()
