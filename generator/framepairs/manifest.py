@@ -17,7 +17,6 @@ from .camera_path import CameraPath
 from .errors import InputError, MachineError
 from .plan import RenderPlan
 
-FORMAT_VERSION = 1
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 

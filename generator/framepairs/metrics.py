@@ -7,8 +7,6 @@ from skimage.metrics import structural_similarity
 from .backend import dr, jit
 from .colour import LUMINANCE_709, display_transform
 
-DISPLAY_TRANSFORM = "aces_srgb"
-
 
 def to_display(color: NDArray, exposure_ev: float) -> NDArray[np.float32]:
     """[height, width, 3] scene-linear to display codes in [0, 1]."""
