@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from framepairs.backend import dr, mi
-from framepairs.brdf import brdf_table, evaluate, f0_of, look_up, pre_integrated
+from framepairs.brdf import Brdf, brdf_table, evaluate, f0_of, look_up, pre_integrated
+from framepairs.conventions import BrdfModel
 
-TABLE = brdf_table(512)
-VALUES = np.array(TABLE)
+MODEL = BrdfModel()
+TABLE = Brdf(MODEL, brdf_table(MODEL, 512))
+VALUES = np.array(TABLE.table)
 SAMPLING_ERROR = 0.01  # DESIGN's figure for 1024 Hammersley samples: 0.009
 
 
@@ -40,7 +42,7 @@ def test_table_equals_a_midpoint_quadrature_of_the_brdf_that_shades(roughness, c
     n = mi.Vector3f(0, 0, 1)
 
     def albedo(f0: float) -> float:
-        value = evaluate(mi.Color3f(0), mi.Float(1), mi.Float(roughness), mi.Color3f(f0), n, view, light)
+        value = evaluate(MODEL, mi.Color3f(0), mi.Float(1), mi.Float(roughness), mi.Color3f(f0), n, view, light)
         return float(np.array(value.x, dtype=np.float64).sum()) * 2 * np.pi / (rows * columns)
 
     a_plus_b, b = albedo(1.0), albedo(0.0)
@@ -92,7 +94,7 @@ def test_the_brdf_is_reciprocal():
     rng = np.random.default_rng(5)
     v, l = (rng.normal(size=(3, 50)) for _ in range(2))
     v, l = (np.abs(d) / np.linalg.norm(d, axis=0) for d in (v, l))
-    arguments = mi.Color3f(0.4), mi.Float(0.3), mi.Float(0.4), mi.Color3f(0.2), mi.Vector3f(0, 0, 1)
+    arguments = MODEL, mi.Color3f(0.4), mi.Float(0.3), mi.Float(0.4), mi.Color3f(0.2), mi.Vector3f(0, 0, 1)
     forth = np.array(evaluate(*arguments, mi.Vector3f(v), mi.Vector3f(l))) / l[2]
     back = np.array(evaluate(*arguments, mi.Vector3f(l), mi.Vector3f(v))) / v[2]
     assert np.abs(forth / back - 1).max() < 64 * 2.0**-24

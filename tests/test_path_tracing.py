@@ -13,7 +13,7 @@ import pytest
 
 from analytic import at, constant_sky, make_scene, quad
 from framepairs.backend import dr, mi
-from framepairs.conventions import Stream
+from framepairs.conventions import BrdfModel, Stream
 from framepairs.engine import Engine
 from framepairs.environment import build_sky, sky_radiance
 from framepairs.frame import CameraState, FrameState
@@ -194,7 +194,7 @@ def seen_in(sky: Environment, directions) -> np.ndarray:
     """`raster`'s radiance [n, 3] along `directions` [n, 3], without a footprint."""
     zero = mi.Vector3f(0)
     vectors = mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32))
-    return np.array(sky_radiance(build_sky(sky), vectors, zero, zero, mi.Bool(True))).T
+    return np.array(sky_radiance(build_sky(sky, BrdfModel()), vectors, zero, zero, mi.Bool(True))).T
 
 
 @pytest.mark.parametrize("target", [(1, 0, 0), (0, 0, 1), (-1, 0.3, -0.4), (0.1, 1, 0), (0.2, -1, 0)])

@@ -1,19 +1,31 @@
-"""The pre-integrated BRDF: table of A and B, and F_beta (NSRD supplement, equations 11 to 18).
+"""The BRDF that shades: Lambert (1 - m) c / pi plus GGX, Schlick's Fresnel and a Smith term (NSRD supplement, equations 1 to
+10; equation 4's denominator is read as 4 (n.o)(n.i))."""
 
-Model `separable_smith`: Lambert (1 - m) c / pi plus GGX, Schlick's Fresnel and the separable Smith term of the exact GGX
-G1, alpha = roughness^2. Equation 4's denominator is read as 4 (n.o)(n.i).
-"""
-
+from dataclasses import dataclass
 from functools import lru_cache
 
 from .backend import dr, mi
+from .conventions import BrdfModel
 
 MIN_ALPHA = 1e-3
 
 
-def alpha_of(roughness: mi.Float) -> mi.Float:
+@dataclass(frozen=True)
+class Brdf:
+    """The model that shades, and its table of A and B: [size, size, 2]."""
+
+    model: BrdfModel
+    table: mi.TensorXf
+
+
+def alpha_of(model: BrdfModel, roughness: mi.Float) -> mi.Float:
     """GGX alpha of a perceptual roughness, at least 0.001."""
-    return dr.maximum(dr.square(roughness), MIN_ALPHA)
+    return dr.maximum(dr.square(roughness) if model.mapping == "squared" else roughness, MIN_ALPHA)
+
+
+def roughness_of(model: BrdfModel, alpha: mi.Float) -> mi.Float:
+    """The inverse of `alpha_of` for alpha >= 0.001."""
+    return dr.sqrt(alpha) if model.mapping == "squared" else alpha
 
 
 def ggx(cos_h: mi.Float, alpha: mi.Float) -> mi.Float:
@@ -34,6 +46,7 @@ def f0_of(base_color: mi.Color3f, metallic: mi.Float, specular: mi.Float) -> mi.
 
 
 def evaluate(
+    model: BrdfModel,
     base_color: mi.Color3f,
     metallic: mi.Float,
     roughness: mi.Float,
@@ -46,7 +59,7 @@ def evaluate(
     half = dr.normalize(v + l)
     n_l, n_v = dr.maximum(dr.dot(n, l), 0), dr.maximum(dr.dot(n, v), 1e-4)
     n_h, v_h = dr.clip(dr.dot(n, half), 0, 1), dr.clip(dr.dot(v, half), 0, 1)
-    alpha = alpha_of(roughness)
+    alpha = alpha_of(model, roughness)
     fresnel = f0 + (1 - f0) * _fifth(1 - v_h)
     visibility = smith(n_l, alpha) * smith(n_v, alpha) / (4 * n_v * dr.maximum(n_l, 1e-8))
     diffuse = (1 - metallic) * base_color * dr.inv_pi
@@ -54,14 +67,14 @@ def evaluate(
 
 
 @lru_cache(maxsize=4)
-def brdf_table(size: int = 512, samples: int = 1024) -> mi.TensorXf:
+def brdf_table(model: BrdfModel, size: int = 512, samples: int = 1024) -> mi.TensorXf:
     """[size, size, 2]: A and B at roughness = row / (size - 1) and n.v = (column / (size - 1))^2.
 
     Hammersley samples of the half vector; equations 16 and 17.
     """
     index = dr.arange(mi.UInt32, size * size)
     cos_v = dr.maximum(dr.square(mi.Float(index % size) / (size - 1)), 1e-4)
-    alpha = alpha_of(mi.Float(index // size) / (size - 1))
+    alpha = alpha_of(model, mi.Float(index // size) / (size - 1))
     a, b = _integrate(cos_v, alpha, dr.opaque(mi.UInt32, samples))
     norm = dr.maximum(a + b, samples)  # the model loses energy only; the estimate may gain some 2e-4 at alpha 0.001
     values = dr.zeros(mi.Float, 2 * size * size)
@@ -96,9 +109,9 @@ def ggx_half_vector(k: mi.UInt32, count: mi.UInt32, alpha: mi.Float) -> mi.Vecto
     return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), cosine)
 
 
-def look_up(table: mi.TensorXf, cos_v: mi.Float, roughness: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+def look_up(brdf: Brdf, cos_v: mi.Float, roughness: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
     """A and B, bilinear between nodes that include the ends of both axes."""
-    size = table.shape[0]
+    table, size = brdf.table, brdf.table.shape[0]
     x = dr.sqrt(dr.clip(cos_v, 0, 1)) * (size - 1)
     y = dr.clip(roughness, 0, 1) * (size - 1)
     column, row = dr.minimum(mi.UInt32(x), size - 2), dr.minimum(mi.UInt32(y), size - 2)

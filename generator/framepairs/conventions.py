@@ -6,6 +6,7 @@ the display: a sample is addressed by its fraction of the frame, so that LR pixe
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 CONVENTIONS = {
     "image": "origin top left, x right, y down; centre of pixel (i, j) at (i + 0.5, j + 0.5)",
@@ -24,6 +25,18 @@ CONVENTIONS = {
     "brdf": "F_beta = (1 - metallic) * albedo + F0 * A + B; F0 = lerp(0.08 * specular, albedo, metallic)",
     "matrices": "a_from_b, row major, column vectors; camera x right, y up, looking along -z; clip z in [-1, 1]",
 }
+
+
+Visibility = Literal["separable_smith", "height_correlated", "schlick_k"]
+RoughnessMapping = Literal["squared", "linear"]
+
+
+@dataclass(frozen=True)
+class BrdfModel:
+    """Which Smith term the BRDF has, and what GGX alpha is of a perceptual roughness r: `squared` r^2, `linear` r."""
+
+    visibility: Visibility = "separable_smith"
+    mapping: RoughnessMapping = "squared"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .backend import dr, mi
-from .brdf import brdf_table
+from .brdf import Brdf, brdf_table
 from .channels import MOTION_CHANNELS
 from .conventions import Stream
 from .frame import FrameState
@@ -15,7 +15,7 @@ from .geometry import Pose
 from .jitter import antialiasing_positions, jitter
 from .motion import Before, Motion, motion_of
 from .path_tracing import PathTracer, path_color
-from .plan import RenderPlan, jitter_length
+from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
 from .radiance import Lights, Radiance, build_shading, lights_around, shade
 from .scene.description import SceneDescription
@@ -52,8 +52,8 @@ class Engine:
 
     def __init__(self, scene: SceneDescription, plan: RenderPlan):
         self.scene, self.plan = scene, plan
-        self.table = brdf_table(plan.brdf_table)
-        self.shading = build_shading(scene, self.table)
+        model = brdf_model(plan)
+        self.shading = build_shading(scene, Brdf(model, brdf_table(model, plan.brdf_table)))
         self.path_tracer = PathTracer(scene, plan) if plan.shading == "path" else None
         self.passes: dict[str, int] = {"gbuffer": 0, "motion": 0, "dual_motion": 0, "radiance": 0, "path": 0}
 

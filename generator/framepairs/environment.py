@@ -12,6 +12,7 @@ import numpy as np
 
 from .backend import dr, mi, opaque
 from .brdf import alpha_of, ggx, ggx_half_vector
+from .conventions import BrdfModel
 from .scene.description import Environment, Texture
 from .textures import TextureTable, build_textures, sample_finest, sample_level, sample_texture
 
@@ -31,11 +32,12 @@ class Sky:
     rows: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]
 
 
-def build_sky(environment: Environment) -> Sky:
+def build_sky(environment: Environment, model: BrdfModel) -> Sky:
     rows = environment.world_from_environment.T
     source = _texture("sky", environment.texels)
     alone = build_textures((source,))
-    filtered = [_texture(f"sky {level}", _filtered(alone, environment, level / (LEVELS - 1))) for level in range(1, LEVELS)]
+    steps = [level / (LEVELS - 1) for level in range(1, LEVELS)]
+    filtered = [_texture(f"sky {step}", _filtered(alone, environment, model, step)) for step in steps]
     return Sky(
         textures=build_textures((source, *filtered)),
         harmonics=tuple(opaque(mi.Color3f, c) for c in _irradiance_harmonics(environment.texels)),
@@ -82,7 +84,7 @@ def _uv(unit: mi.Vector3f) -> mi.Point2f:
     return mi.Point2f(0.5 - dr.atan2(unit.x, unit.z) * dr.inv_two_pi, 1 - dr.safe_acos(unit.y) * dr.inv_pi)
 
 
-def _filtered(table: TextureTable, environment: Environment, roughness: float) -> np.ndarray:
+def _filtered(table: TextureTable, environment: Environment, model: BrdfModel, roughness: float) -> np.ndarray:
     """[64, 128, 3]: the mean of the sky over GGX half vectors around each direction, weighted by the cosine.
 
     Hammersley samples; each looks up the level whose texels subtend as much as the sample stands for.
@@ -95,7 +97,7 @@ def _filtered(table: TextureTable, environment: Environment, roughness: float) -
     texel_angle = 4 * math.pi / (environment.texels.shape[0] * environment.texels.shape[1])
     count = dr.opaque(mi.UInt32, FILTER_SAMPLES)
 
-    mean = _lobe_mean(table, mi.Frame3f(axis), axis, alpha_of(dr.opaque(mi.Float, roughness)), texel_angle, count)
+    mean = _lobe_mean(table, mi.Frame3f(axis), axis, alpha_of(model, dr.opaque(mi.Float, roughness)), texel_angle, count)
     return np.moveaxis(np.array(mean).reshape(3, height, width), 0, 2)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from .backend import dr, mi
-from .brdf import f0_of, look_up, pre_integrated
+from .brdf import Brdf, f0_of, look_up, pre_integrated
 from .geometry import Geometry, Pose
 from .materials import Footprint, MaterialTable, Surface, is_blended, is_opaque, opacity_of, surface_of
 from .projection import View, direction, project
@@ -57,7 +57,7 @@ def camera_ray(view: View, x: mi.Float, y: mi.Float) -> mi.Ray3f:
 def gbuffer(
     geometry: Geometry,
     materials: MaterialTable,
-    brdf: mi.TensorXf,
+    brdf: Brdf,
     pose: Pose,
     view: View,
     x: mi.Float,
@@ -73,7 +73,7 @@ def gbuffer(
 def describe_hit(
     geometry: Geometry,
     materials: MaterialTable,
-    brdf: mi.TensorXf,
+    brdf: Brdf,
     pose: Pose,
     view: View,
     ray: mi.Ray3f,

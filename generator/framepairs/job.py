@@ -23,7 +23,7 @@ from .manifest import (
     to_json,
     write_atomically,
 )
-from .plan import STREAM_KEYS, RenderPlan, jitter_length, plan_streams
+from .plan import STREAM_KEYS, RenderPlan, brdf_model, jitter_length, plan_streams
 from .scene import scene_hash
 from .scene.description import SceneDescription
 from .scene.needs import Need, channel_needs
@@ -136,7 +136,7 @@ def _table(job: Job) -> tuple[TableRecord, bytes]:
         name="brdf_table", exr=("A", "B"), dtype="float", unit="1", frame_of_reference="none", needed_by="",
         meaning=f"{model}: specular albedo = F0 A + B; column x: n.v = (x / (size - 1))^2, row y: roughness = y / (size - 1)",
     )
-    encoded = encode(channel, brdf_table(job.plan.brdf_table).numpy(), attributes={})
+    encoded = encode(channel, brdf_table(brdf_model(job.plan), job.plan.brdf_table).numpy(), attributes={})
     path = f"tables/brdf_{model}.exr"
     return TableRecord(model=model, path=path, sha256=encoded.sha256, axes=channel.meaning), encoded.data
 

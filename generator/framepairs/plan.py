@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from .channels import CHANNEL
-from .conventions import Stream, default_mip_bias, lr_size, lr_stream_name, truth_mip_bias
+from .conventions import (
+    BrdfModel,
+    RoughnessMapping,
+    Stream,
+    Visibility,
+    default_mip_bias,
+    lr_size,
+    lr_stream_name,
+    truth_mip_bias,
+)
 from .errors import InputError
 from .jitter import default_length
 
@@ -34,7 +43,8 @@ class RenderPlan(BaseModel):
         None, description="length of the Halton sequence; null: int(8 S^2)"
     )
     mip_bias_offset: Annotated[float, Field(ge=-8, le=8)] = Field(0.0, description="added to -log2(S)")
-    brdf_model: Literal["separable_smith"] = Field("separable_smith", description="model that shades and its table")
+    brdf_model: Visibility = Field("separable_smith", description="Smith term of the model that shades and its table")
+    roughness_mapping: RoughnessMapping = Field("squared", description="alpha of a roughness r: r^2 or r")
     brdf_table: Annotated[int, Field(ge=8, le=2048)] = Field(512, description="nodes per axis of the A, B table")
     brdf_floor: Annotated[float, Field(gt=0, le=1)] = Field(1e-3, description="floor of F_beta when demodulating")
     channels: Literal["needed", "all"] | tuple[str, ...] = Field("needed", description="which channels are files")
@@ -93,6 +103,10 @@ def plan_streams(plan: RenderPlan) -> tuple[Stream, ...]:
     )
     native = [Stream(name="hr_native", size=plan.display)] if plan.hr_native else []
     return (truth, *native, *(_lr_stream(plan, scale, variant) for scale in plan.scales for variant in plan.variants))
+
+
+def brdf_model(plan: RenderPlan) -> BrdfModel:
+    return BrdfModel(plan.brdf_model, plan.roughness_mapping)
 
 
 def jitter_length(plan: RenderPlan, scale: float) -> int:

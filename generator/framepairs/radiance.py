@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backend import dr, mi
-from .brdf import evaluate
+from .brdf import Brdf, evaluate
 from .environment import Sky, build_sky, diffuse_light, sky_radiance, specular_light
 from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, camera_ray, describe_hit, first_solid, footprint_of
 from .geometry import Geometry, Pose
@@ -38,7 +38,7 @@ class Shading:
 
     geometry: Geometry
     materials: MaterialTable
-    brdf: mi.TensorXf
+    brdf: Brdf
     sky: Sky
 
 
@@ -52,9 +52,9 @@ class Radiance:
     transparency: mi.Float
 
 
-def build_shading(scene: SceneDescription, brdf: mi.TensorXf) -> Shading:
+def build_shading(scene: SceneDescription, brdf: Brdf) -> Shading:
     """`scene` must have an environment."""
-    return Shading(Geometry(scene), build_materials(scene), brdf, build_sky(scene.environment))
+    return Shading(Geometry(scene), build_materials(scene), brdf, build_sky(scene.environment, brdf.model))
 
 
 def lights_around(scene: SceneDescription, origin: Vector) -> Lights:
@@ -123,9 +123,9 @@ def _one_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, in
     cone = dr.select(aim.w > -1, cone, 1)  # a point light shines all around
     falloff = cone / dr.maximum(dr.square(distance), 1e-12)
     strength = mi.Color3f(radiance.x, radiance.y, radiance.z) * dr.select(directional, 1, falloff)
-    surface = sample.surface
+    surface, model = sample.surface, shading.brdf.model
     reflected = evaluate(
-        surface.base_color, surface.metallic, surface.roughness, sample.f0, sample.normal, sample.view, towards
+        model, surface.base_color, surface.metallic, surface.roughness, sample.f0, sample.normal, sample.view, towards
     )
     lit = sample.hit.valid & (dr.dot(sample.geometric, towards) > 0) & (dr.dot(sample.normal, towards) > 0)
     step = SHADOW_OFFSET * (dr.max(dr.abs(sample.position)) + sample.depth)
