@@ -8,50 +8,22 @@ import numpy as np
 import pytest
 
 import framepairs.colour as ours
+from colour_samples import EPSILON, extreme_pixels, pixels, vector, vector_derivative
+from framepairs import tone_maps, transfer
 from framepairs.backend import dr, jit
+from framepairs.errors import InputError
 
-pytestmark = pytest.mark.renders
+# colour-science evaluates both branches of a curve everywhere.
+pytestmark = [pytest.mark.renders, pytest.mark.filterwarnings("ignore::RuntimeWarning:colour")]
 
-EPSILON = 2.0**-23  # of float32
-# Code values from below black to far above white, dense where the curves have their joints.
-JOINTS = np.linspace(0.003, 0.0033, 31), np.linspace(0.0403, 0.0406, 31)
-VALUES = np.float32(np.concatenate([np.linspace(-0.1, 1.2, 1301), *JOINTS, np.geomspace(1, 1e5, 200)]))
-
-
-def pixels(count=500, low=-0.1, high=1e5):
-    """RGB [count, 3] float32: signs and sizes mixed, from a fixed seed."""
-    generator = np.random.default_rng(20240607)
-    sizes = np.exp(generator.uniform(np.log(1e-6), np.log(high), (count, 3)))
-    return np.float32(np.where(generator.uniform(size=(count, 3)) < 0.1, low * generator.uniform(size=(count, 3)), sizes))
-
-
-def scalar(function, values):
-    return np.array(function(jit.Float(np.ascontiguousarray(values, dtype=np.float32))))
-
-
-def vector(function, rgb):
-    """function of Array3f on [N, 3], as [N, 3] or [N]."""
-    return np.array(function(jit.Array3f(np.ascontiguousarray(rgb.T, dtype=np.float32)))).T
-
-
-def test_srgb_encode_is_that_of_colour_science():
-    expected = colour.models.eotf_inverse_sRGB(VALUES.astype(float))
-    # power() is accurate to a few ulp of its result; 12.92 x and 1.055 x - 0.055 add one rounding each.
-    np.testing.assert_allclose(scalar(ours.srgb_encode, VALUES), expected, rtol=8 * EPSILON, atol=EPSILON)
-
-
-def test_srgb_decode_is_that_of_colour_science():
-    codes = VALUES[VALUES <= 100]  # 100^2.4 is some 7e4: beyond lies no code
-    expected = colour.models.eotf_sRGB(codes.astype(float))
-    # The exponent 2.4 multiplies the relative error of the rounded base.
-    np.testing.assert_allclose(scalar(ours.srgb_decode, codes), expected, rtol=16 * EPSILON, atol=EPSILON)
-
-
-def test_srgb_decode_undoes_srgb_encode():
-    there_and_back = scalar(lambda x: ours.srgb_decode(ours.srgb_encode(x)), VALUES)
-    # Relative error as above; the offset 0.055 of the encoding costs absolute precision near black. The standard's two
-    # thresholds, 0.0031308 and 0.04045, miss each other by 4e-8 of code.
-    np.testing.assert_allclose(there_and_back, VALUES, rtol=32 * EPSILON, atol=EPSILON)
+SPACES = {
+    "ITU-R BT.709": ours.REC_709,
+    "P3-D65": ours.P3_D65,
+    "ITU-R BT.2020": ours.REC_2020,
+    "ACEScg": ours.ACESCG,
+    "ACES2065-1": ours.ACES2065_1,
+}
+PAIRS = [(a, b) for a in SPACES for b in SPACES if a != b]
 
 
 def test_luminance_weights_are_those_of_rec_709():
@@ -143,7 +115,142 @@ def test_colours_are_differentiable():
     np.testing.assert_allclose(np.array(dr.grad(x)), expected, rtol=8 * EPSILON)
 
 
-def test_colour_imports_dr_jit_alone():
-    tree = ast.parse(Path(ours.__file__).read_text())
-    imports = [node for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))]
-    assert [(node.module, node.level, [name.name for name in node.names]) for node in imports] == [("backend", 1, ["dr"])]
+@pytest.mark.parametrize("module", [ours, transfer, tone_maps])
+def test_colour_imports_dr_jit_and_the_standard_library_alone(module):
+    tree = ast.parse(Path(module.__file__).read_text())
+    relative = {(n.module, a.name) for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.level for a in n.names}
+    absolute = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+    absolute |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and not n.level}
+    assert absolute <= {"math", "dataclasses"}
+    assert {name for name, _ in relative} <= {"backend", "errors", "transfer", "colour"}
+    assert [what for name, what in relative if name == "backend"] == ["dr"]
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_spaces_are_those_of_colour_science(name):
+    published, space = colour.RGB_COLOURSPACES[name], SPACES[name]
+    np.testing.assert_array_equal(space.white, published.whitepoint)
+    derived = colour.models.normalised_primary_matrix(published.primaries, published.whitepoint)
+    np.testing.assert_allclose(space.xyz_from_rgb, derived, atol=1e-14)
+    # The Academy publishes ten digits of AP0.
+    np.testing.assert_allclose(space.xyz_from_rgb, published.matrix_RGB_to_XYZ, atol=1e-9)
+
+
+def test_rows_from_rec_709_to_rec_2020_are_those_of_bt_2087():
+    # Rec. ITU-R BT.2087-0, equation for M2: four digits
+    published = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
+    np.testing.assert_allclose(ours.rgb_from_rgb(ours.REC_709, ours.REC_2020), published, atol=0.51e-4)
+
+
+@pytest.mark.parametrize("name", ["bradford", "cat02"])
+def test_adaptations_are_those_of_colour_science(name):
+    published = {"bradford": "Bradford", "cat02": "CAT02"}[name]
+    cones = colour.adaptation.CHROMATIC_ADAPTATION_TRANSFORMS[published]
+    np.testing.assert_array_equal(ours.ADAPTATIONS[name], cones)
+    for source, target in ((ours.D65, ours.ACES_WHITE), (ours.ACES_WHITE, ours.D65), ((0.44757, 0.40745), ours.D65)):
+        whites = [colour.xy_to_XYZ(np.array(white)) for white in (source, target)]
+        expected = colour.adaptation.matrix_chromatic_adaptation_VonKries(*whites, published)
+        np.testing.assert_allclose(ours.white_adaptation(source, target, name), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("adaptation, published", [("bradford", "Bradford"), ("cat02", "CAT02"), ("none", None)])
+@pytest.mark.parametrize("source, target", PAIRS)
+def test_rows_between_spaces_are_those_of_colour_science(source, target, adaptation, published):
+    rows = ours.rgb_from_rgb(SPACES[source], SPACES[target], adaptation)
+    expected = colour.matrix_RGB_to_RGB(*(colour.RGB_COLOURSPACES[name] for name in (source, target)), published)
+    np.testing.assert_allclose(rows, expected, atol=5e-9)  # from the published digits of AP0
+    if adaptation != "none":
+        np.testing.assert_allclose(np.sum(rows, axis=1), 1, atol=1e-14)  # white stays white
+
+
+@pytest.mark.parametrize("source, target", PAIRS)
+def test_converting_there_and_back_gives_the_colour(source, target):
+    rgb, there, back = pixels(), SPACES[source], SPACES[target]
+    shown = vector(lambda x: ours.convert(x, there, back), rgb)
+    rows = np.array(ours.rgb_from_rgb(there, back))
+    # Three rounded products with rounded factors, and two sums: 4 epsilon of the sizes summed.
+    sizes = np.abs(rgb.astype(float)) @ np.abs(rows).T
+    assert (np.abs(shown - rgb.astype(float) @ rows.T) <= 4 * EPSILON * sizes).all()
+    rows_back = np.abs(ours.rgb_from_rgb(back, there))
+    error = np.abs(vector(lambda x: ours.convert(ours.convert(x, there, back), back, there), rgb) - rgb)
+    assert (error <= 8 * EPSILON * sizes @ rows_back.T).all()
+    np.testing.assert_allclose(np.array(rows) @ ours.rgb_from_rgb(back, there), np.eye(3), atol=1e-14)
+
+
+def test_xyz_is_a_space_like_others():
+    rgb = np.abs(pixels(high=10))
+    adapted = colour.RGB_to_XYZ(rgb.astype(float), "ACEScg", np.array(ours.D65), "CAT02")
+    shown = vector(lambda x: ours.convert(x, ours.ACESCG, ours.XYZ_D65, "cat02"), rgb)
+    np.testing.assert_allclose(shown, adapted, atol=4 * EPSILON * 20)  # sums of up to 10 + 10
+    np.testing.assert_allclose(ours.rgb_from_rgb(ours.ACESCG, ours.xyz_space(ours.ACES_WHITE)), ours.ACESCG.xyz_from_rgb)
+
+
+def test_a_colour_of_the_same_space_is_left_alone():
+    rgb = jit.Array3f(1, 2, 3)
+    assert ours.convert(rgb, ours.REC_709, ours.REC_709) is rgb
+    assert ours.rgb_from_rgb(ours.P3_D65, ours.P3_D65) == ours.IDENTITY
+
+
+def test_an_unknown_adaptation_is_refused():
+    with pytest.raises(InputError, match="unknown adaptation 'sharp'; there are bradford, cat02, none"):
+        ours.convert(jit.Array3f(1, 2, 3), ours.ACESCG, ours.REC_709, "sharp")
+
+
+ICTCP = {
+    "pq": (ours.ictcp_pq_from_rgb, ours.rgb_from_ictcp_pq, "ITU-R BT.2100-2 PQ"),
+    "hlg": (ours.ictcp_hlg_from_rgb, ours.rgb_from_ictcp_hlg, "ITU-R BT.2100-2 HLG"),
+}
+
+
+def light_2020(kind):
+    """Rec. 2020 [N, 3] float32 over the standards' range, and what 1.0 is: 1 cd/m2 for PQ, the camera's peak for HLG."""
+    return (np.abs(pixels(high=1e4)), (1.0,)) if kind == "pq" else (np.abs(pixels(high=1)), ())
+
+
+@pytest.mark.parametrize("kind", ICTCP)
+def test_ictcp_is_that_of_colour_science(kind):
+    encode, decode, method = ICTCP[kind]
+    rgb, white = light_2020(kind)
+    expected = colour.RGB_to_ICtCp(rgb.astype(float), method=method)
+    # Codes of at most 1, off by 4 epsilon (test_transfer), and sums of three: 6 epsilon, times rows whose sizes sum to 8.8.
+    np.testing.assert_allclose(vector(lambda x: encode(x, *white), rgb), expected, atol=8.8 * 6 * EPSILON)
+    # There and back codes are off by 8 epsilon: 4 of encoding, 1 of I, Ct and Cp times rows of size 2.6, 1 of the sum. Light
+    # follows a code of PQ by 20 of its size at most above 1 cd/m2, one of HLG by 6 at the top and by its square below; the rows
+    # from LMS to RGB have sizes that sum to 6.
+    bound = {"pq": 20, "hlg": 6}[kind] * 8 * 6 * EPSILON * rgb.max(axis=1, keepdims=True)
+    seen = rgb.max(axis=1) > 1e-4 * rgb.max()
+    there_and_back = vector(lambda x: decode(encode(x, *white), *white), rgb)
+    undone = vector(lambda x: decode(x, *white), np.float32(expected))
+    assert (np.abs(there_and_back - rgb) <= bound)[seen].all() and (np.abs(undone - rgb) <= bound)[seen].all()
+
+
+@pytest.mark.parametrize("kind", ICTCP)
+def test_ictcp_of_grey_is_its_code(kind):
+    encode, _, _ = ICTCP[kind]
+    grey = np.float32(np.geomspace(1e-3, 1, 101))
+    shown = vector(encode, np.repeat(grey[:, None], 3, axis=1))
+    code = transfer.pq_encode if kind == "pq" else transfer.hlg_encode
+    np.testing.assert_allclose(shown[:, 0], np.array(code(jit.Float(grey))), atol=4 * EPSILON)
+    np.testing.assert_allclose(shown[:, 1:], 0, atol=8.8 * 4 * EPSILON)  # rows sum to 0
+
+
+@pytest.mark.parametrize("kind", ICTCP)
+def test_ictcp_of_extremes_is_finite(kind):
+    encode, decode, _ = ICTCP[kind]
+    for function in (encode, decode):
+        assert np.isfinite(vector(function, extreme_pixels())).all()
+        assert np.isfinite(vector_derivative(function, extreme_pixels())).all()
+
+
+@pytest.mark.parametrize("function", [ours.aces_hill, ours.display_transform, ours.luminance, ours.ycocg_from_rgb])
+def test_derivatives_of_extremes_are_finite(function):
+    rgb = extreme_pixels()
+    assert np.isfinite(vector(function, rgb)).all() and np.isfinite(vector_derivative(function, rgb)).all()
+
+
+def test_exposure_from_ev100():
+    # EV100 15, sunlight: 1 / (1.2 x 32768) (Lagarde and de Rousiers 2014, section 5.1)
+    assert 2 ** ours.exposure_ev_from_ev100(15) == pytest.approx(1 / (1.2 * 32768), rel=1e-14)
+    assert ours.exposure_ev_from_ev100(0) == pytest.approx(-0.2630344, abs=1e-7)  # log2 1.2
+    assert ours.exposure_ev_from_ev100(ours.exposure_ev_from_ev100(9.3)) == pytest.approx(9.3, rel=1e-14)
+    assert np.array(ours.exposure_ev_from_ev100(jit.Float([15, -3]))) == pytest.approx([-15.2630344, 2.7369656], rel=EPSILON)
