@@ -135,7 +135,7 @@ def test_what_is_not_shown_is_left_out(tmp_path):
 
 
 def test_prims_that_are_not_read_are_named(tmp_path):
-    kinds = "Sphere", "BasisCurves", "RectLight", "PointInstancer", "Skeleton"
+    kinds = "Sphere", "BasisCurves", "CylinderLight", "PointInstancer", "Skeleton", "PortalLight"
     said = load(tmp_path, *(prim(kind, f"p{k}") for k, kind in enumerate(kinds))).not_read
     assert [f"/p{k}" in sentence for k, sentence in enumerate(said)] == [True] * len(kinds)
 
@@ -153,10 +153,17 @@ def test_points_that_move_are_drawn_as_they_begin_and_named(tmp_path):
     assert any("/m" in sentence for sentence in scene.not_read)
 
 
-def test_the_cone_of_a_light_is_read_or_named(tmp_path):
-    cone = "float inputs:shaping:cone:angle = 30"
-    scene = load(tmp_path, prim("SphereLight", "spot", cone, metadata='apiSchemas = ["ShapingAPI"]'))
-    assert scene.lights[0].kind == "spot" or any("cone" in sentence for sentence in scene.not_read)
+def test_colours_of_meshes_without_material_are_named(tmp_path):
+    color = "color3f[] primvars:displayColor = [(1, 0, 0)]"
+    said = load(tmp_path, prim("Material", "a"), prim("Mesh", "bare", QUAD, FLAT, color)).not_read
+    assert said == ("displayColor of /bare: it is drawn grey",)
+    bound = prim("Mesh", "bound", QUAD, FLAT, color, "rel material:binding = </a>", metadata=BINDING)
+    assert load(tmp_path, prim("Material", "a"), bound).not_read == ()
+
+
+def test_face_counts_that_are_keyed_are_read_as_they_begin(tmp_path):
+    keyed = QUAD.replace("faceVertexCounts = [4]", "faceVertexCounts.timeSamples = { 0: [4], 5: [4] }")
+    assert len(load(tmp_path, prim("Mesh", "m", keyed, FLAT)).meshes[0].faces) == 2
 
 
 @pytest.mark.parametrize(

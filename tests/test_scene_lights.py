@@ -31,13 +31,215 @@ def test_distant_light(tmp_path, normalize, factor):
     assert (light.kind, light.name) == ("directional", "/sun")
 
 
-@pytest.mark.parametrize(("normalize", "factor"), [(1, 1 / 4), (0, math.pi * 0.25)])
-def test_sphere_light_shines_as_a_point_of_its_power(tmp_path, normalize, factor):
+def test_a_wide_distant_light_is_named_and_a_sun_is_not(tmp_path):
+    wide, sun = (prim("DistantLight", name, f"float inputs:angle = {a}") for name, a in (("wide", 30), ("sun", 0.53)))
+    said = load(tmp_path, wide, sun).not_read
+    assert said == ("angle of distant light /wide, 30 degrees: its shadows are hard",)
+
+
+PLACE = "double3 xformOp:translate = (1, 2, 3)", "double xformOp:rotateX = -90", "double3 xformOp:scale = (2, 3, 5)"
+ORDER = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]'
+SINGLE = 2.0**-23  # USD's numbers are float32
+
+
+def irradiance_on_axis(light, distance, count=200):
+    """Irradiance on a patch that faces the light's centre from `distance` in front of it: the plain definition,
+    the sum of L cos cos / r^2 over cells of the light, with an error of the order 1 / count^2."""
+    place = np.array(light.position) + distance * np.array(light.direction)
+    step = (np.arange(count) + 0.5) / count
+    if light.kind == "rectangle":
+        a, b = np.meshgrid(2 * step - 1, 2 * step - 1)
+        area = 4 * np.linalg.norm(np.cross(light.half_u, light.half_v))
+    else:
+        radius, angle = np.meshgrid(np.sqrt(step), 2 * np.pi * step)
+        a, b = radius * np.cos(angle), radius * np.sin(angle)
+        area = np.pi * np.linalg.norm(np.cross(light.half_u, light.half_v))
+    points = np.array(light.position) + a[..., None] * light.half_u + b[..., None] * light.half_v
+    towards = place - points
+    squared = (towards**2).sum(axis=-1)
+    cosine = towards @ light.direction / np.sqrt(squared)
+    return light.radiance[0] * (cosine**2 / squared).mean() * area
+
+
+@pytest.mark.parametrize("normalize", [0, 1])
+def test_rect_light(tmp_path, normalize):
+    # 1.5 x 0.5 in its own space, 3 x 1.5 = 4.5 in the world: scaled by 2 in x and 3 in y. It shines along -z, that is -y.
+    size = "float inputs:width = 1.5", "float inputs:height = 0.5", f"bool inputs:normalize = {normalize}"
+    strength = "float inputs:intensity = 3", "float inputs:exposure = 1", "color3f inputs:color = (1, 0.5, 0.25)"
+    scene = load(tmp_path, prim("RectLight", "panel", *size, *strength, *PLACE, ORDER))
+    light = scene.lights[0]
+    assert (light.name, light.kind, light.position, scene.not_read) == ("/panel", "rectangle", (1, 2, 3), ())
+    np.testing.assert_allclose(light.half_u, (1.5, 0, 0), atol=ROUNDING)
+    np.testing.assert_allclose(light.half_v, (0, 0, -0.75), atol=ROUNDING)
+    np.testing.assert_allclose(light.direction, (0, -1, 0), atol=ROUNDING)
+    expected = np.array([6, 3, 1.5]) / (4.5 if normalize else 1)
+    np.testing.assert_allclose(light.radiance, expected, rtol=2 * SINGLE)
+    # On the axis at h, a rectangle a x b gives (integrated by hand) with X = a / 2h and Y = b / 2h
+    # E = 2 L (X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + Y / sqrt(1 + Y^2) atan(X / sqrt(1 + Y^2))).
+    x, y = 1.5 / 2, 0.75 / 2
+    p, q = math.sqrt(1 + x * x), math.sqrt(1 + y * y)
+    exact = 2 * expected[0] * (x / p * math.atan(y / p) + y / q * math.atan(x / q))
+    assert irradiance_on_axis(light, 2.0) == pytest.approx(exact, rel=1e-4)  # 200^2 midpoints: (1 / 200)^2 = 2.5e-5
+
+
+@pytest.mark.parametrize("normalize", [0, 1])
+def test_disk_light(tmp_path, normalize):
+    lines = "float inputs:radius = 0.25", f"bool inputs:normalize = {normalize}", "float inputs:intensity = 8"
+    scaled = placed("double3 xformOp:scale", "(4, 4, 9)")
+    light = load(tmp_path, prim("DiskLight", "lamp", *lines, *scaled)).lights[0]
+    expected = 8 / math.pi if normalize else 8  # its radius is 1 in the world
+    np.testing.assert_allclose(light.radiance, [expected] * 3, rtol=2 * SINGLE)
+    assert (light.kind, light.direction, light.position) == ("disk", (0, 0, -1), (0, 0, 0))
+    np.testing.assert_allclose(np.abs(np.cross(light.half_u, light.half_v)), (0, 0, 1), rtol=2 * SINGLE)
+    # On the axis at h, a disk of radius r gives E = pi L r^2 / (r^2 + h^2).
+    exact = math.pi * expected / (1 + 4)
+    assert irradiance_on_axis(light, 2.0) == pytest.approx(exact, rel=1e-4)
+
+
+def test_a_sheared_disk_keeps_its_half_axes(tmp_path):
+    # x -> x, y -> x + y: the image of the unit circle is an ellipse with half axes (1 + sqrt 5) / 2 and (sqrt 5 - 1) / 2.
+    shear = placed("matrix4d xformOp:transform", "((1, 0, 0, 0), (1, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))")
+    light = load(tmp_path, prim("DiskLight", "lamp", "float inputs:radius = 1", *shear)).lights[0]
+    lengths = np.linalg.norm([light.half_u, light.half_v], axis=1)
+    np.testing.assert_allclose(lengths, ((math.sqrt(5) + 1) / 2, (math.sqrt(5) - 1) / 2), rtol=ROUNDING)
+    assert abs(np.dot(light.half_u, light.half_v)) < ROUNDING
+
+
+def test_a_sheared_rectangle_keeps_its_area_and_is_named(tmp_path):
+    shear = placed("matrix4d xformOp:transform", "((2, 0, 0, 0), (1, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))")
+    scene = load(tmp_path, prim("RectLight", "panel", *shear))
+    light = scene.lights[0]
+    assert np.dot(light.half_u, light.half_v) == 0 and "shear of rect light /panel" in scene.not_read[0]
+    assert 4 * np.linalg.norm(np.cross(light.half_u, light.half_v)) == pytest.approx(2, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("kind", ["RectLight", "DiskLight"])
+def test_a_mirrored_light_shines_along_its_own_axis(tmp_path, kind):
+    mirrored = placed("double3 xformOp:scale", "(-1, 1, 1)")
+    assert load(tmp_path, prim(kind, "lamp", *mirrored)).lights[0].direction == (0, 0, -1)
+    turned = placed("double3 xformOp:scale", "(1, 1, -1)")
+    assert load(tmp_path, prim(kind, "lamp", *turned), name="turned.usda").lights[0].direction == (0, 0, 1)
+
+
+@pytest.mark.parametrize("normalize", [0, 1])
+def test_sphere_light(tmp_path, normalize):
     lines = "float inputs:radius = 0.5", f"bool inputs:normalize = {normalize}", "float inputs:intensity = 8"
-    place = placed("double3 xformOp:translate", "(1, 2, 3)")
-    light = load(tmp_path, prim("SphereLight", "bulb", *lines, *place)).lights[0]
-    assert (light.kind, light.position) == ("point", (1, 2, 3))
-    np.testing.assert_allclose(light.radiance, [8 * factor] * 3, rtol=2.0**-23)
+    scaled = placed("double3 xformOp:scale", "(2, 2, 2)")
+    scene = load(tmp_path, prim("SphereLight", "bulb", *lines, *scaled))
+    light = scene.lights[0]
+    assert (light.kind, light.position, scene.not_read) == ("sphere", (0, 0, 0), ()) and light.has_extent
+    np.testing.assert_allclose(np.linalg.norm(light.half_u), 1, rtol=2 * SINGLE)
+    np.testing.assert_allclose(light.radiance, [8 / (4 * math.pi) if normalize else 8] * 3, rtol=4 * SINGLE)
+
+
+def test_a_sphere_of_unequal_scale_has_the_mean_radius_and_is_named(tmp_path):
+    scaled = placed("double3 xformOp:scale", "(1, 2, 4)")
+    scene = load(tmp_path, prim("SphereLight", "bulb", "float inputs:radius = 1", *scaled))
+    assert np.linalg.norm(scene.lights[0].half_u) == pytest.approx(2, rel=SINGLE)  # (1 x 2 x 4)^(1/3)
+    assert scene.not_read == ("unequal scale of sphere light /bulb: a sphere of its mean radius shines",)
+
+
+POINT = "bool treatAsPoint = 1"
+
+
+@pytest.mark.parametrize(
+    ("lines", "intensity"),
+    [
+        ((POINT, "bool inputs:normalize = 1"), 8 / 4),
+        ((POINT,), 8 * math.pi * 0.25),
+        (("float inputs:radius = 0",), 8 / 4),
+        (("float inputs:radius = 0", "bool inputs:normalize = 1"), 8 / 4),
+    ],
+)
+def test_a_sphere_light_that_is_a_point_keeps_its_power(tmp_path, lines, intensity):
+    scene = load(tmp_path, prim("SphereLight", "bulb", "float inputs:intensity = 8", *lines))
+    assert (scene.lights[0].kind, scene.not_read) == ("point", ())
+    np.testing.assert_allclose(scene.lights[0].radiance, [intensity] * 3, rtol=2 * SINGLE)
+
+
+SHAPED = 'apiSchemas = ["ShapingAPI"]'
+
+
+def test_a_cone_makes_a_spot(tmp_path):
+    cone = "float inputs:shaping:cone:angle = 60", "float inputs:shaping:cone:softness = 0.25"
+    turned = placed("double xformOp:rotateX", -90)
+    spot = prim("SphereLight", "spot", POINT, "float inputs:intensity = 8", *cone, *turned, metadata=SHAPED)
+    scene = load(tmp_path, spot)
+    light = scene.lights[0]
+    assert (light.kind, scene.not_read) == ("spot", ())
+    np.testing.assert_allclose(light.direction, (0, -1, 0), atol=ROUNDING)
+    # The light is whole up to (1 - 0.25) 60 = 45 degrees and gone at 60.
+    np.testing.assert_allclose(light.cone, (math.sqrt(0.5), 0.5), rtol=2 * SINGLE)
+    np.testing.assert_allclose(light.radiance, [8 * math.pi * 0.25] * 3, rtol=2 * SINGLE)
+
+
+def test_a_cone_of_a_sphere_with_extent_is_kept_and_its_radius_named(tmp_path):
+    cone = "float inputs:shaping:cone:angle = 30"
+    scene = load(tmp_path, prim("SphereLight", "spot", cone, metadata=SHAPED))
+    assert scene.lights[0].kind == "spot"
+    assert scene.not_read == ("radius of sphere light /spot with a cone: it shines from a point",)
+
+
+def test_a_cone_of_half_a_turn_cuts_nothing(tmp_path):
+    scene = load(tmp_path, prim("SphereLight", "bulb", "float inputs:shaping:cone:angle = 180", metadata=SHAPED))
+    assert (scene.lights[0].kind, scene.not_read) == ("sphere", ())
+
+
+SHADOW = 'apiSchemas = ["ShadowAPI"]'
+
+
+@pytest.mark.parametrize(
+    ("kind", "lines", "metadata", "says"),
+    [
+        ("RectLight", ("asset inputs:texture:file = @any.png@",), "", "texture of /l: it shines evenly"),
+        ("RectLight", ("float inputs:shaping:cone:angle = 45",), SHAPED, "cone of /l: it shines to its whole side"),
+        ("DiskLight", ("float inputs:shaping:focus = 2",), SHAPED, "shaping:focus 2 of /l"),
+        ("DiskLight", ("asset inputs:shaping:ies:file = @lamp.ies@",), SHAPED, "IES profile of /l"),
+        ("RectLight", ("rel light:filters = </f>",), "", "light filters of /l"),
+        ("DistantLight", ("bool inputs:shadow:enable = 0",), SHADOW, "shadow:enable = false of /l: it casts shadows"),
+        ("DiskLight", ("float inputs:shadow:distance = 3",), SHADOW, "colour or distance of shadows of /l"),
+        ("DomeLight", ("float inputs:specular = 0",), "", "specular multiplier 0 of /l"),
+        ("DiskLight", ("float inputs:diffuse = 0.5",), "", "diffuse multiplier 0.5 of /l"),
+        ("DomeLight", ('token inputs:texture:format = "angular"',), "", "texture format angular of /l: it is read as latlong"),
+        ("DiskLight", ("rel collection:lightLink:excludes = </m>",), "", "light linking of /l: it concerns all objects"),
+        ("DiskLight", ("uniform bool collection:shadowLink:includeRoot = 0",), "", "shadow linking of /l"),
+        ("SphereLight", ("float intensity = 3",), "", "attributes without `inputs:`, as before USD 21.02, of /l"),
+        ("RectLight", ("float inputs:width = 0",), "", "RectLight /l: it has no area"),
+        ("CylinderLight", (), "", "CylinderLight /l"),
+    ],
+)
+def test_what_a_light_does_not_do_is_named(tmp_path, kind, lines, metadata, says):
+    (said,) = load(tmp_path, prim(kind, "l", *lines, metadata=metadata)).not_read
+    assert said.startswith(says)
+
+
+@pytest.mark.parametrize("api", [SHAPED, SHADOW])
+@pytest.mark.parametrize("kind", ["RectLight", "DiskLight", "DistantLight", "DomeLight"])
+def test_neutral_settings_are_not_named(tmp_path, kind, api):
+    assert load(tmp_path, prim(kind, "l", metadata=api)).not_read == ()
+
+
+def test_lights_that_change_shine_as_they_begin_and_are_named(tmp_path):
+    brighter = "float inputs:intensity.timeSamples = { 0: 3, 10: 30 }"
+    places = "double3 xformOp:translate.timeSamples = { 0: (1, 0, 0), 10: (9, 0, 0) }"
+    order = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
+    scene = load(tmp_path, prim("DiskLight", "a", brighter), prim("Xform", "x", places, order, prim("DiskLight", "b")))
+    assert scene.lights[0].radiance == (3, 3, 3) and scene.lights[1].position == (1, 0, 0)
+    assert scene.not_read == tuple(f"motion of {path}: it shines as it begins" for path in ("/a", "/x/b"))
+
+
+def test_the_light_of_a_mesh_is_named(tmp_path):
+    flat = 'uniform token subdivisionScheme = "none"'
+    scene = load(tmp_path, prim("Mesh", "m", QUAD, flat, metadata='apiSchemas = ["MeshLightAPI"]'))
+    assert len(scene.objects) == 1 and scene.not_read == ("light of mesh /m: it is drawn without shining",)
+
+
+@pytest.mark.parametrize("line", ["float inputs:intensity = nan", "float inputs:exposure = inf"])
+@pytest.mark.parametrize("kind", ["DistantLight", "SphereLight", "DiskLight"])
+def test_lights_that_are_not_finite_are_named(tmp_path, kind, line):
+    file = usd(tmp_path, prim(kind, "l", line))
+    with pytest.raises(InputError, match=f"^{file}, /l: light with a number that is not finite"):
+        load_scene(file)
 
 
 def test_dome_light_is_decoded_scaled_and_turned(tmp_path):

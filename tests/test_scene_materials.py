@@ -66,9 +66,43 @@ def test_defaults_are_those_of_the_specification(tmp_path):
     assert (material.roughness, material.metallic, material.emission) == (0.5, 0, (0, 0, 0))
 
 
-@pytest.mark.parametrize(("ior", "specular"), [(1.0, 0.0), (2.0, 1 / 9 / 0.08), (1.33, (0.33 / 2.33) ** 2 / 0.08)])
+@pytest.mark.parametrize(("ior", "specular"), [(1.0, 0.0), (1.75, (3 / 11) ** 2 / 0.08), (1.33, (0.33 / 2.33) ** 2 / 0.08)])
 def test_ior_becomes_specular(tmp_path, ior, specular):
-    assert read(tmp_path, f"float inputs:ior = {ior}")[1].specular == pytest.approx(specular, rel=1e-6)  # float32 ior
+    _, material = read(tmp_path, f"float inputs:ior = {ior}")
+    assert material.specular == pytest.approx(specular, rel=1e-6) and material.not_read == ()  # float32 ior
+
+
+@pytest.mark.parametrize(("metallic", "says"), [(0, ("ior 2: F0 is 0.08, not 0.111",)), (1, ())])  # (1 / 3)^2
+def test_an_ior_beyond_the_largest_f0_is_limited_and_named_but_of_metals(tmp_path, metallic, says):
+    _, material = read(tmp_path, "float inputs:ior = 2", f"float inputs:metallic = {metallic}")
+    assert (material.specular, material.not_read) == (1, says)
+
+
+SPECULAR = "int inputs:useSpecularWorkflow = 1"
+
+
+def test_a_dark_grey_specular_color_is_f0(tmp_path):
+    lines = SPECULAR, "color3f inputs:specularColor = (0.04, 0.04, 0.04)", "float inputs:metallic = 1", "float inputs:ior = 9"
+    _, material = read(tmp_path, *lines)  # metallic and ior have no meaning in this workflow
+    assert material.specular == pytest.approx(0.5, rel=ROUNDING) and (material.metallic, material.not_read) == (0, ())
+
+
+def test_a_specular_color_without_diffuse_is_a_metal(tmp_path):
+    black = "color3f inputs:diffuseColor = (0, 0, 0)"
+    _, material = read(tmp_path, SPECULAR, black, "color3f inputs:specularColor = (1, 0.75, 0.25)")
+    assert (material.base_color, material.metallic, material.not_read) == ((1, 0.75, 0.25), 1, ())
+
+
+@pytest.mark.parametrize(
+    ("color", "specular", "says"),
+    [
+        ("(0.5, 0.5, 0.5)", 1, "specularColor (0.5, 0.5, 0.5): F0 is 0.08, not 0.5"),
+        ("(0.0625, 0.03125, 0)", 0.390625, "specularColor (0.0625, 0.03125, 0): F0 is grey, its mean"),
+    ],
+)
+def test_other_specular_colors_are_named(tmp_path, color, specular, says):
+    _, material = read(tmp_path, SPECULAR, f"color3f inputs:specularColor = {color}")
+    assert (material.specular, material.not_read) == (pytest.approx(specular), (says,))
 
 
 @pytest.mark.parametrize(
@@ -103,6 +137,17 @@ def test_opacity_of_another_image_goes_beside_the_colour(tmp_path):
     expected = np.concatenate([decoded(color), mask[..., 1:2]], axis=-1)
     np.testing.assert_allclose(texels_of(scene, material.base_texture), expected, rtol=ROUNDING)
     assert sorted(file.name for file in scene.files[1:]) == ["m.png", "t.png"]
+
+
+def test_opacity_of_sixteen_bits_keeps_the_colour_of_eight(tmp_path):
+    color = image(tmp_path / "t.png") / 255
+    codes = np.random.default_rng(2).integers(0, 65536, (5, 7), dtype=np.uint16)
+    Image.fromarray(codes).save(tmp_path / "m.png")
+    connections = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", "float inputs:opacity.connect = </M/O.outputs:r>"
+    scene, material = read(tmp_path, *connections, nodes=[sampler("T"), sampler("O", file="m.png")])
+    expected = np.concatenate([decoded(color), codes[..., None] / 65535], axis=-1)
+    np.testing.assert_allclose(texels_of(scene, material.base_texture), expected, rtol=ROUNDING)
+    assert not scene.textures[material.base_texture.texture].srgb
 
 
 ORM = "float inputs:roughness.connect = </M/T.outputs:g>", "float inputs:metallic.connect = </M/{}.outputs:b>"
@@ -234,9 +279,65 @@ def test_the_hash_follows_a_textures_bytes(tmp_path):
     assert scene_hash(load_scene(file)) != first
 
 
-def test_what_a_material_does_not_do_is_named(tmp_path):
-    _, material = read(tmp_path, "float inputs:clearcoat = 0.5", "int inputs:useSpecularWorkflow = 1")
-    assert material.not_read == ("clearcoat", "specular workflow")
+FADES = "opacityMode transparent: highlights fade with opacity, too"
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (("float inputs:clearcoat = 0.5",), ("clearcoat 0.5", "clearcoatRoughness 0.01")),
+        (("float inputs:clearcoatRoughness = 0.5",), ()),
+        (("float inputs:displacement = 0.25",), ("displacement 0.25",)),
+        (("normal3f inputs:normal = (1, 0, 0)",), ("normal (1, 0, 0)",)),
+        (("float inputs:occlusion = 0.5",), ("occlusion 0.5",)),
+        (("float inputs:occlusion.connect = </M/T.outputs:r>",), ("occlusion map",)),
+        (("float inputs:displacement.connect = </M/T.outputs:r>",), ("displacement (texture)",)),
+        (("float inputs:ior.connect = </M/T.outputs:r>",), ("ior (texture)",)),
+        ((SPECULAR, "color3f inputs:specularColor.connect = </M/T.outputs:rgb>"), ("specularColor (texture)",)),
+        (("color3f inputs:specularColor = (1, 1, 1)",), ()),
+        (("float inputs:opacity = 0.5",), (FADES,)),
+        (("float inputs:opacity = 0.5", 'token inputs:opacityMode = "presence"'), ()),
+        (("float inputs:opacity = 0.5", "float inputs:opacityThreshold = 0.25"), ()),
+        (('token inputs:opacityMode = "presence"',), ()),
+        (("float inputs:roughness.timeSamples = { 0: 0.25, 9: 1 }",), ("animation of roughness: it stays as it begins",)),
+        (("color3f inputs:diffuseColor.connect = </M/R.outputs:rgb>",), ("diffuseColor through UsdPrimvarReader_float2",)),
+    ],
+)
+def test_what_a_material_does_not_do_is_named_where_it_acts(tmp_path, lines, says):
+    image(tmp_path / "t.png")
+    _, material = read(tmp_path, *lines, nodes=[sampler("T"), READER])
+    assert material.not_read == says
+    assert material.roughness == (0.25 if "roughness.time" in lines[0] else 0.5)
+
+
+def test_inputs_that_a_material_animates_are_read_as_they_begin_and_named(tmp_path):
+    file = surface(tmp_path, "float inputs:roughness.connect = </M.inputs:rough>")
+    keyed = "float inputs:rough.timeSamples = { 0: 0.25, 9: 1 }\ntoken outputs:surface.connect"
+    file.write_text(file.read_text().replace("token outputs:surface.connect", keyed, 1))
+    material = load_scene(file).materials[0]
+    assert (material.roughness, material.not_read) == (0.25, ("animation of roughness: it stays as it begins",))
+
+
+def test_a_second_set_of_uv_and_a_second_transform_are_named(tmp_path):
+    image(tmp_path / "t.png")
+    image(tmp_path / "o.png", seed=2)
+    connections = (
+        "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>",
+        "float inputs:opacity.connect = </M/O.outputs:r>",
+        "float inputs:opacityThreshold = 0.5",
+    )
+    other = sampler("O", "float2 inputs:st.connect = </M/X.outputs:result>", 'token inputs:wrapS = "black"', file="o.png")
+    _, material = read(tmp_path, *connections, nodes=[sampler("T"), other, READER, turn("X", "R", "(2, 2)")])
+    assert material.not_read == (
+        "uv map1 of opacity: it is read with st",
+        "wrap mode black of opacity: it is read with clamp",
+        "transform of uv or wrap mode of opacity: those of diffuseColor are used",
+    )
+
+
+def test_third_party_materials_say_what_is_not_drawn(assets):
+    said = {what for m in load_scene(assets / "RoughnessTestUSD" / "RoughnessTest.usdz").materials for what in m.not_read}
+    assert said == {FADES}  # each has a texture with parts of opacity 0 and the default opacityMode
 
 
 def test_images_of_sixteen_bits_keep_them(tmp_path):

@@ -107,6 +107,155 @@ def test_emissive_strength_multiplies(tmp_path):
     assert scene.not_read == ()
 
 
+def extended(**extensions):
+    """A dielectric with extensions."""
+    named = {f"KHR_materials_{name}": values for name, values in extensions.items()}
+    return {"name": "a", "pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": named}
+
+
+@pytest.mark.parametrize(
+    ("extensions", "specular", "says"),
+    [
+        ({}, 0.5, ()),
+        ({"ior": {"ior": 1.5}}, 0.5, ()),
+        ({"ior": {"ior": 1.33}}, (0.33 / 2.33) ** 2 / 0.08, ()),
+        ({"ior": {"ior": 1}}, 0, ()),
+        ({"ior": {"ior": 2}}, 1, ("ior 2: F0 is 0.08, not 0.111",)),  # (1 / 3)^2
+        ({"ior": {"ior": 0}}, 1, ("ior 0: F0 is 0.08, not 1",)),
+        ({"specular": {}}, 0.5, ()),
+        ({"specular": {"specularFactor": 0}}, 0, ("specularFactor 0 at grazing angles: reflectance is 1 there",)),
+        ({"specular": {"specularFactor": 0.5}, "ior": {"ior": 2}}, 1 / 18 / 0.08, ("specularFactor 0.5 at grazing",)),
+        ({"specular": {"specularColorFactor": [1, 0.5, 0]}}, 0.5, ("specularColorFactor (1, 0.5, 0)",)),
+        ({"specular": {"specularTexture": {"index": 0}}}, 0.5, ("specularTexture of KHR_materials_specular",)),
+    ],
+)
+def test_ior_and_specular_factor_become_specular(tmp_path, extensions, specular, says):
+    material = load_scene(gltf(tmp_path, extended(**extensions))).materials[0]
+    assert material.specular == pytest.approx(specular, abs=1e-12)
+    assert len(material.not_read) == len(says)
+    assert all(found.startswith(expected) for found, expected in zip(material.not_read, says, strict=True))
+
+
+def test_an_ior_of_metal_says_nothing(tmp_path):
+    metal = extended(ior={"ior": 2}, specular={"specularFactor": 0.5})
+    metal["pbrMetallicRoughness"] = {"metallicFactor": 1}
+    material = load_scene(gltf(tmp_path, metal)).materials[0]
+    assert (material.specular, material.not_read) == (0.5, ())
+
+
+def test_an_ior_below_0_names_the_material(tmp_path):
+    file = gltf(tmp_path, extended(ior={"ior": -1}))
+    with pytest.raises(InputError, match=f"^{file}, a: index of refraction -1"):
+        load_scene(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "acting", "neutral", "says"),
+    [
+        ("clearcoat", {"clearcoatFactor": 0.5}, {"clearcoatFactor": 0}, "clearcoat 0.5"),
+        ("sheen", {"sheenColorFactor": [0, 0.5, 0]}, {"sheenRoughnessFactor": 1}, "sheen (0, 0.5, 0)"),
+        ("transmission", {"transmissionFactor": 1}, {}, "transmission 1"),
+        ("volume", {"thicknessFactor": 2}, {"attenuationDistance": 1}, "volume 2"),
+        ("iridescence", {"iridescenceFactor": 1}, {"iridescenceIor": 2}, "iridescence 1"),
+        ("anisotropy", {"anisotropyStrength": 0.25}, {"anisotropyRotation": 1}, "anisotropy 0.25"),
+        ("dispersion", {"dispersion": 0.1}, {"dispersion": 0}, "dispersion 0.1"),
+        ("diffuse_transmission", {"diffuseTransmissionFactor": 0.5}, {}, "diffuse_transmission 0.5"),
+        ("unlit", {}, None, "unlit: it is lit"),
+        ("of_tomorrow", {}, None, "extension KHR_materials_of_tomorrow"),
+    ],
+)
+def test_extensions_of_a_material_are_named_where_they_act(tmp_path, name, acting, neutral, says):
+    used = [f"KHR_materials_{name}"]
+    scene = load_scene(gltf(tmp_path, extended(**{name: acting}), extensionsUsed=used))
+    assert (scene.materials[0].not_read, scene.not_read) == ((says,), ())
+    if neutral is not None:
+        scene = load_scene(gltf(tmp_path, extended(**{name: neutral}), extensionsUsed=used))
+        assert (scene.materials[0].not_read, scene.not_read) == ((), ())
+
+
+def test_specular_glossiness_alone_gives_its_nearest_values(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    values = {"diffuseFactor": [0.5, 0.25, 1, 0.75], "glossinessFactor": 0.75, "diffuseTexture": {"index": 0}}
+    only = {"name": "a", "extensions": {"KHR_materials_pbrSpecularGlossiness": values}}
+    scene = load_scene(gltf(tmp_path, only, **IMAGES))
+    material = scene.materials[0]
+    assert (material.base_color, material.roughness, material.metallic) == ((0.5, 0.25, 1), 0.25, 0)
+    assert material.not_read == ("pbrSpecularGlossiness: its metallic-roughness values are drawn",)
+    np.testing.assert_array_equal(scene.textures[material.base_texture.texture].texels[..., :3] / 255, codes)
+    both = {**only, "pbrMetallicRoughness": {"roughnessFactor": 0.125, "metallicFactor": 1}}
+    material = load_scene(gltf(tmp_path, both, **IMAGES)).materials[0]
+    assert (material.base_color, material.roughness, material.metallic) == ((1, 1, 1), 0.125, 1)
+
+
+def test_texture_transforms_turn_the_uv_of_their_texture(tmp_path):
+    image(tmp_path / "t.png")
+    transform = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3]}
+    moved = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
+    pbr = {"baseColorTexture": moved, "metallicRoughnessTexture": {"index": 0}}
+    material = load_scene(gltf(tmp_path, {"name": "t", "pbrMetallicRoughness": pbr}, **IMAGES)).materials[0]
+    # glTF's uv, v down: scaled, turned by 90 degrees counter-clockwise on the image ((1, 0) goes up to (0, -1), (0, 1) to
+    # (1, 0)), then shifted. (u, v) -> (2 u, 3 v) -> (3 v, -2 u) -> (3 v + 0.25, 0.5 - 2 u).
+    for u, v in ((0, 0), (1, 0), (0, 1), (0.3, 0.8)):
+        expected = 3 * v + 0.25, 1 - (0.5 - 2 * u)
+        np.testing.assert_allclose(np.array(material.base_texture.uv) @ [u, 1 - v, 1], expected, atol=1e-15 * 16)
+    assert material.surface_texture.uv == ((1, 0, 0), (0, 1, 0)) and material.not_read == ()
+
+
+def test_an_offset_alone_moves_the_image(tmp_path):
+    image(tmp_path / "t.png")
+    moved = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0.125]}}}
+    material = load_scene(gltf(tmp_path, {"name": "t", "emissiveTexture": moved}, **IMAGES)).materials[0]
+    assert material.emission_texture.uv == ((1, 0, 0.25), (0, 1, -0.125))
+
+
+@pytest.mark.parametrize(
+    "info",
+    [{"index": 0, "texCoord": 1}, {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}],
+    ids=["texCoord", "texture transform"],
+)
+def test_a_second_set_of_uv_is_named(tmp_path, info):
+    image(tmp_path / "t.png")
+    material = load_scene(gltf(tmp_path, {"name": "t", "normalTexture": info}, **IMAGES)).materials[0]
+    assert material.not_read == ("texCoord 1 of normalTexture: it is read with 0",)
+
+
+def test_an_occlusion_map_of_strength_0_is_not_named(tmp_path):
+    image(tmp_path / "t.png")
+    for strength, says in ((0, ()), (0.5, ("occlusion map",))):
+        material = {"name": "t", "occlusionTexture": {"index": 0, "strength": strength}}
+        assert load_scene(gltf(tmp_path, material, **IMAGES)).materials[0].not_read == says
+
+
+def test_extensions_that_a_file_requires_are_refused_unless_known(tmp_path):
+    known = ["KHR_texture_transform", "KHR_materials_clearcoat", "KHR_materials_unlit", "KHR_lights_punctual"]
+    assert load_scene(gltf(tmp_path, {"name": "a"}, extensionsRequired=known)).objects
+    file = gltf(tmp_path, {"name": "a"}, extensionsRequired=[*known, "EXT_of_tomorrow"])
+    with pytest.raises(InputError, match=f"^{file}: extension EXT_of_tomorrow is not read, and the file requires it"):
+        load_scene(file)
+
+
+def test_what_meshes_hold_beyond_triangles_is_named(tmp_path):
+    plain = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}
+    colored = {**plain, "attributes": {**plain["attributes"], "COLOR_0": 0}}
+    meshes = [{"name": "m", "primitives": [colored, {**plain, "targets": [{"POSITION": 0}]}, {**plain, "mode": 1}]}]
+    scene = load_scene(gltf(tmp_path, {"name": "a"}, meshes=meshes))
+    assert scene.not_read == ("morph targets of mesh m", "vertex colours of mesh m", "lines, points or fans of mesh m")
+
+
+def test_vertex_colours_of_ply_are_named(tmp_path):
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.tile(np.uint8([255, 0, 0, 255]), (8, 1))
+    box.export(tmp_path / "box.ply")
+    assert load_scene(tmp_path / "box.ply").not_read == ("vertex colours of box.ply",)
+
+
+def test_third_party_files_say_what_is_not_drawn(assets):
+    said = {m.name: m.not_read for m in load_scene(assets / "FlightHelmet" / "FlightHelmet.gltf").materials}
+    assert len(said) == 6 and set(said.values()) == {("occlusion map",)}
+    room = load_scene(assets / "BreakfastRoom" / "BreakfastRoom.gltf")  # its KHR_materials_specular is glTF's default
+    assert room.not_read == ("extension MSFT_texture_dds",) and {m.specular for m in room.materials} == {0.5}
+
+
 def test_textures_and_their_channels(tmp_path):
     codes = image(tmp_path / "t.png") / 255
     first = {"index": 0}
@@ -210,6 +359,13 @@ def test_obj_files_keep_materials_uv_and_normals(tmp_path):
     np.testing.assert_array_equal(mesh.positions[mesh.faces[0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
     np.testing.assert_array_equal(mesh.uv[mesh.faces[0]], UV)
     np.testing.assert_array_equal(mesh.normals, np.tile([0, 0, 1], (3, 1)))
+
+
+def test_what_an_obj_material_does_not_do_is_named_where_it_acts(tmp_path):
+    acting = "newmtl red\nKd 1 0 0\nKs 1 1 1\nd 0.5\nKe 0 0 2\nmap_Bump t.png\nPr 0.25\n"
+    neutral = "newmtl blue\nKd 0.2 0.4 0.6\nKs 0 0 0\nd 1.0\nKe 0 0 0\nNs 10\nNi 1.5\nillum 2\n"
+    found = {material.name: material.not_read for material in load_scene(obj(tmp_path, mtl=acting + neutral)).materials}
+    assert found == {"red": ("ks 1.0 1.0 1.0", "d 0.5", "ke 0 0 2", "map_bump t.png", "pr 0.25"), "blue": ()}
 
 
 @pytest.mark.parametrize("name", ["a.mtl", "t.png"])

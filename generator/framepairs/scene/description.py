@@ -90,19 +90,27 @@ class SceneObject:
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """A light without extent.
+    """A light that is no object: it shines, and shows in reflections where it has an extent, but is not drawn itself.
 
-    direction: unit vector along which a directional or spot light shines. radiance: irradiance on a facing surface for
-    directional lights, radiant intensity for the others; linear Rec. 709. cone: cosines of the spot's inner and outer
-    half angle.
+    radiance: linear Rec. 709; irradiance on a facing surface for directional lights, radiant intensity for points and
+    spots, emitted radiance for those with an extent. position: centre. direction: unit vector along which directional,
+    spot, rectangle and disk lights shine (the latter two on that side alone). cone: cosines of the spot's inner and outer
+    half angle. half_u, half_v: half edges of a rectangle or half axes of a disk, world vectors; a sphere's radius is the
+    length of half_u.
     """
 
     name: str
-    kind: Literal["directional", "point", "spot"]
+    kind: Literal["directional", "point", "spot", "rectangle", "disk", "sphere"]
     radiance: tuple[float, float, float]
     position: tuple[float, float, float] = (0, 0, 0)
     direction: tuple[float, float, float] = (0, -1, 0)
     cone: tuple[float, float] = (-1, -1)
+    half_u: tuple[float, float, float] = (0, 0, 0)
+    half_v: tuple[float, float, float] = (0, 0, 0)
+
+    @property
+    def has_extent(self) -> bool:
+        return self.kind in ("rectangle", "disk", "sphere")
 
 
 @dataclass(frozen=True, kw_only=True)

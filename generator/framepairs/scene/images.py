@@ -66,7 +66,8 @@ def pack_channels(name: str, parts: dict[int, tuple[Texture, int]]) -> Texture:
     """One texture whose component `k` is component `parts[k][1]` of `parts[k][0]`; components not named are 1.
 
     Used for roughness, metallic and specular, and for opacity beside base colour. Images of different sizes are brought
-    to the largest by bilinear interpolation. Wrap modes are the first part's; scale and bias follow their component.
+    to the largest by bilinear interpolation. Where images of 8 bits meet floats, they become floats, decoded from sRGB.
+    Wrap modes and, for 8 bits, srgb are the first part's; scale and bias follow their component.
     """
     textures = [texture for texture, _ in parts.values()]
     first = textures[0]
@@ -81,12 +82,14 @@ def pack_channels(name: str, parts: dict[int, tuple[Texture, int]]) -> Texture:
     one = 255 if dtype == np.uint8 else 1
     texels = np.full((height, width, 4), one, dtype=dtype)
     for component, (texture, source) in parts.items():
-        channel = Image.fromarray(np.ascontiguousarray(texture.texels[..., source]))
+        plain = replace(texture, scale=(1.0,) * 4, bias=(0.0,) * 4)
+        planes = texture.texels if dtype == np.uint8 else linear_texels(plain)
+        channel = Image.fromarray(np.ascontiguousarray(planes[..., source]))
         if channel.size != (width, height):
             channel = channel.resize((width, height), Image.Resampling.BILINEAR)
-        value = np.asarray(channel)
-        texels[..., component] = value / 255 if dtype == np.float32 and value.dtype == np.uint8 else value
-    return replace(first, name=name, texels=texels, scale=tuple(scale), bias=tuple(bias))
+        texels[..., component] = np.asarray(channel)
+    srgb = first.srgb and dtype == np.uint8
+    return replace(first, name=name, texels=texels, srgb=srgb, scale=tuple(scale), bias=tuple(bias))
 
 
 def _decode_exr(data: bytes, name: str) -> NDArray:

@@ -17,13 +17,20 @@ from PIL import Image
 
 from ..errors import InputError
 from .description import Material, Mesh, SceneDescription, SceneObject, Slot, Texture, validate_mesh
+from .gltf_materials import (
+    ALLOWED_IF_REQUIRED,
+    SPECULAR_GLOSSINESS,
+    specular_of,
+    unread_of,
+    unread_of_document,
+    uv_of,
+    with_metallic_roughness,
+)
 from .images import texels_of
 
 GLTF_SUFFIXES = (".gltf", ".glb")
 SUFFIXES = (*GLTF_SUFFIXES, ".obj", ".ply", ".stl", ".off")
-UNREADABLE_EXTENSIONS = ("KHR_draco_mesh_compression", "KHR_texture_basisu", "EXT_meshopt_compression")
 GLTF_WRAP = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
-READ_EXTENSIONS = ("KHR_materials_emissive_strength",)
 
 
 def load_triangles(file: Path) -> SceneDescription:
@@ -57,7 +64,7 @@ def load_triangles(file: Path) -> SceneDescription:
         up_axis="Y",
         metres_per_unit=1.0,
         world_from_object=lambda time_s: world,
-        not_read=tuple(_not_read(document) if document else ()),
+        not_read=tuple(unread_of_document(document) if document else _colored(loaded, names)),
     )
 
 
@@ -69,6 +76,7 @@ def _load(file: Path, document: pygltflib.GLTF2 | None) -> trimesh.Scene:
         numbered = copy.deepcopy(document)
         for index, material in enumerate(numbered.materials):
             material.name = str(index)
+            (material.extensions or {}).pop(SPECULAR_GLOSSINESS, None)  # trimesh would convert it
         is_binary = file.suffix.lower() == ".glb"
         data = b"".join(numbered.save_to_bytes()) if is_binary else numbered.to_json().encode()
         resolver = trimesh.resolvers.FilePathResolver(file)
@@ -124,10 +132,12 @@ def _read_gltf_json(file: Path) -> tuple[pygltflib.GLTF2, list[Path]]:
         raise InputError(f"not glTF: {type(error).__name__}: {error}", file=file) from None
     if document is None:
         raise InputError("not glTF", file=file)
-    refused = [name for name in UNREADABLE_EXTENSIONS if name in (document.extensionsRequired or ())]
+    refused = [name for name in document.extensionsRequired or () if name not in ALLOWED_IF_REQUIRED]
     if refused:
-        raise InputError(f"extension {refused[0]} is not read", file=file)
-    used = {texture.source for texture in document.textures}  # others are alternatives in formats of extensions
+        raise InputError(f"extension {refused[0]} is not read, and the file requires it", file=file)
+    for material in document.materials:
+        with_metallic_roughness(material)
+    used = {_source(texture) for texture in document.textures}  # others are alternatives in formats of extensions
     named = [("buffers", item.uri) for item in document.buffers]
     named += [("images", item.uri) for index, item in enumerate(document.images) if index in used]
     files = [file]
@@ -141,11 +151,36 @@ def _read_gltf_json(file: Path) -> tuple[pygltflib.GLTF2, list[Path]]:
     return document, files
 
 
-def _not_read(document: pygltflib.GLTF2) -> list[str]:
-    found = [f"extension {name}" for name in document.extensionsUsed or () if name not in READ_EXTENSIONS]
-    found += [f"animation {clip.name or index}" for index, clip in enumerate(document.animations)]
-    found += [f"skin {skin.name or index}" for index, skin in enumerate(document.skins)]
-    return found
+def _source(texture: pygltflib.Texture) -> int | None:
+    """Index of its image: WebP where there is one, as trimesh chooses."""
+    return (texture.extensions or {}).get("EXT_texture_webp", {}).get("source", texture.source)
+
+
+def _colored(loaded: trimesh.Scene, names: list[str]) -> list[str]:
+    """Vertex and face colours of formats without textures."""
+    kinds = {name: getattr(loaded.geometry[name].visual, "kind", None) for name in names}
+    return [f"{kind} colours of {name}" for name, kind in kinds.items() if kind in ("vertex", "face")]
+
+
+def _unread_of_mtl(values: dict) -> tuple[str, ...]:
+    """Lines of an MTL material that act and are not drawn; opaque, without emission and reflection they would be neutral."""
+    neutral = {"d": 1.0, "tr": 0.0, "ks": 0.0, "ke": 0.0, "pm": 0.0, "ps": 0.0, "pc": 0.0, "aniso": 0.0}
+    said = []
+    for key, value in values.items():
+        words = [str(word) for word in np.atleast_1d(np.array(value, dtype=object))]
+        if key in neutral:
+            acts = any(_number(word) != neutral[key] for word in words)
+        else:
+            acts = key in ("pr", "bump", "disp", "norm", "refl") or key.startswith("map_") and key not in ("map_kd", "map_ka")
+        said += [f"{key} {' '.join(words)}"] if acts else []
+    return tuple(said)
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
 
 
 class _MaterialReader:
@@ -164,7 +199,10 @@ class _MaterialReader:
         if key not in self._known:
             self._known[key] = len(self.materials)
             if isinstance(material, trimesh.visual.material.PBRMaterial):
-                self.materials.append(self._physically_based(material))
+                try:
+                    self.materials.append(self._physically_based(material))
+                except InputError as error:
+                    raise InputError(error.problem, file=self._file, field=error.field) from None
             else:
                 self.materials.append(self._simple(material))
         return self._known[key]
@@ -175,7 +213,8 @@ class _MaterialReader:
             return Material(name="default")
         rgb = tuple(float(c) for c in np.asarray(material.diffuse[:3]) / 255)
         slot = self._slot(material.image, None, srgb=True)
-        return Material(name=str(material.name), base_color=(1, 1, 1) if slot else rgb, base_texture=slot)
+        color = (1.0, 1.0, 1.0) if slot else rgb
+        return Material(name=str(material.name), base_color=color, base_texture=slot, not_read=_unread_of_mtl(material.kwargs))
 
     def _physically_based(self, material) -> Material:
         source = pygltflib.Material()
@@ -186,12 +225,14 @@ class _MaterialReader:
         strength = (source.extensions or {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         alpha = {"MASK": "mask", "BLEND": "blend"}.get(source.alphaMode or "OPAQUE", "opaque")
         normal_scale = source.normalTexture.scale if source.normalTexture else 1.0
+        specular, said = specular_of(source)
         return Material(
             name=source.name or f"material {material.name}",
             base_color=tuple(base[:3]),
             opacity=1.0 if alpha == "opaque" else float(base[3]),
             roughness=_or(pbr.roughnessFactor, 1.0),
             metallic=_or(pbr.metallicFactor, 1.0),
+            specular=specular,
             emission=tuple(float(c) * strength for c in emission),
             alpha=alpha,
             alpha_cutoff=_or(source.alphaCutoff, 0.5),
@@ -200,11 +241,9 @@ class _MaterialReader:
             surface_texture=self._slot(
                 material.metallicRoughnessTexture, pbr.metallicRoughnessTexture, scale=(0, 1, 1, 0), bias=(1, 0, 0, 1)
             ),
-            normal_texture=self._slot(
-                material.normalTexture, source.normalTexture, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)
-            ),
+            normal_texture=self._slot(material.normalTexture, source.normalTexture, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)),
             emission_texture=self._slot(material.emissiveTexture, source.emissiveTexture, srgb=True),
-            not_read=("occlusion map",) if source.occlusionTexture else (),
+            not_read=(*unread_of(source), *said),
         )
 
     def _slot(self, image: Image.Image | None, info, *, srgb: bool = False, scale=(1,) * 4, bias=(0,) * 4) -> Slot | None:
@@ -219,9 +258,9 @@ class _MaterialReader:
         wanted = Texture(name=name, texels=texels, srgb=srgb, wrap=wrap, scale=scale, bias=bias)
         for index, texture in enumerate(self.textures):
             if texture.texels is texels and replace(texture, texels=None) == replace(wanted, texels=None):
-                return Slot(texture=index)
+                return Slot(texture=index, uv=uv_of(info))
         self.textures.append(wanted)
-        return Slot(texture=len(self.textures) - 1)
+        return Slot(texture=len(self.textures) - 1, uv=uv_of(info))
 
     def _wrap(self, info) -> tuple[str, str]:
         texture = self._entry("textures", info.index)
@@ -231,7 +270,7 @@ class _MaterialReader:
         return GLTF_WRAP[_or(sampler.wrapS, 10497)], GLTF_WRAP[_or(sampler.wrapT, 10497)]
 
     def _name_of(self, info) -> str:
-        source = self._entry("textures", info.index).source
+        source = _source(self._entry("textures", info.index))
         image = self._entry("images", source) if source is not None else None
         return (image.uri if image and image.uri and not image.uri.startswith("data:") else None) or f"image {source}"
 

@@ -1,26 +1,15 @@
-"""USD stages (.usd .usda .usdc .usdz): meshes, animated transforms, UsdPreviewSurface, distant, sphere and dome lights."""
+"""USD stages (.usd .usda .usdc .usdz): meshes, animated transforms, UsdPreviewSurface and lights."""
 
-import math
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Ar, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from ..errors import InputError
-from .description import (
-    Environment,
-    Light,
-    Mesh,
-    SceneDescription,
-    SceneObject,
-    Texture,
-    rotation_from_y_up,
-    validate_mesh,
-)
-from .images import decode_image, linear_texels
+from .description import Environment, Light, Mesh, SceneDescription, SceneObject, validate_mesh
+from .usd_lights import read_light
 from .usd_materials import MaterialReader
 
 
@@ -60,6 +49,8 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
             continue
         if prim.IsA(UsdGeom.Mesh):
             moves = _is_animated(prim)
+            if prim.HasAPI(UsdLux.LightAPI):
+                not_read.append(f"light of mesh {prim.GetPath()}: it is drawn without shining")
             for name, material, key, triangulate in _mesh_parts(UsdGeom.Mesh(prim), reader, not_read):
                 if key not in index_of:
                     index_of[key] = len(meshes)
@@ -68,7 +59,7 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
                 prims.append(prim)
         elif prim.HasAPI(UsdLux.LightAPI):
             matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
-            item = _read_light(prim, matrix, not_read, reader.files)
+            item = read_light(prim, matrix, _is_animated(prim), not_read, reader.files)
             if isinstance(item, Light):
                 lights.append(item)
             elif isinstance(item, Environment):
@@ -131,7 +122,7 @@ def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[s
     prim = usd_mesh.GetPrim()
     path = str(prim.GetPath())
     shared = str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
-    counts = np.array(usd_mesh.GetFaceVertexCountsAttr().Get() or (), dtype=np.int64)
+    counts = np.array(usd_mesh.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()) or (), dtype=np.int64)
     if not len(counts):
         return
     if usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none and len(counts) and (counts != 3).any():
@@ -152,6 +143,8 @@ def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[s
     for name, bound, faces in selections:
         material = UsdShade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
         index = reader.material_index(material if material else None)
+        if not material and UsdGeom.Gprim(prim).GetDisplayColorAttr().HasAuthoredValue():
+            not_read.append(f"displayColor of {path}: it is drawn grey")
         uv_name = reader.uv_names.get(index, "st")
         part = f"{path}/{name}" if name else path
         yield part, index, (shared, name, uv_name), partial(_triangles, usd_mesh, counts, faces, uv_name, part)
@@ -240,56 +233,3 @@ def _indexed(name: str, positions: NDArray, normals: NDArray | None, uv: NDArray
         uv=np.ascontiguousarray(next(columns)) if uv is not None else None,
         faces=inverse.reshape(-1, 3).astype(np.uint32),
     )
-
-
-def _read_light(
-    prim: Usd.Prim, matrix: NDArray, not_read: list[str], files: list[Path]
-) -> Light | Environment | None:
-    light, path = UsdLux.LightAPI(prim), str(prim.GetPath())
-    strength = light.GetIntensityAttr().Get() * 2.0 ** light.GetExposureAttr().Get()
-    color = np.array(light.GetColorAttr().Get(), dtype=float)
-    if light.GetEnableColorTemperatureAttr().Get():
-        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(light.GetColorTemperatureAttr().Get()))
-    normalize = light.GetNormalizeAttr().Get()
-    if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
-        return _read_dome(prim, matrix, strength * color, files)
-    if prim.IsA(UsdLux.DistantLight):
-        half_angle = math.radians(UsdLux.DistantLight(prim).GetAngleAttr().Get()) / 2
-        extent = 1.0 if normalize or half_angle == 0 else math.pi * math.sin(half_angle) ** 2
-        direction = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
-        return Light(name=path, kind="directional", radiance=tuple(strength * extent * color), direction=tuple(direction))
-    if prim.IsA(UsdLux.SphereLight):
-        radius = UsdLux.SphereLight(prim).GetRadiusAttr().Get() * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
-        intensity = strength / 4 if normalize else strength * math.pi * radius**2
-        not_read.append(f"radius of sphere light {path}: it shines as a point")
-        if prim.HasAPI(UsdLux.ShapingAPI):
-            not_read.append(f"cone of {path}: it shines all around")
-        return Light(name=path, kind="point", radiance=tuple(intensity * color), position=tuple(matrix[:3, 3]))
-    not_read.append(f"{prim.GetTypeName()} {path}")
-    return None
-
-
-def _pole(prim: Usd.Prim) -> str:
-    """'Y' or 'Z': DomeLight_1's pole, by default the stage's up axis (DomeLight's is always Y)."""
-    pole = str(UsdLux.DomeLight_1(prim).GetPoleAxisAttr().Get() or "scene")
-    return str(UsdGeom.GetStageUpAxis(prim.GetStage())) if pole == "scene" else pole
-
-
-def _read_dome(prim: Usd.Prim, matrix: NDArray, radiance: NDArray, files: list[Path]) -> Environment:
-    asset = UsdLux.LightAPI(prim).GetInput("texture:file").Get()
-    texels = np.ones((1, 2, 3), dtype=np.float32)
-    if asset is not None and asset.path:
-        opened = asset.resolvedPath and Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath))
-        if not opened:
-            raise InputError(f"missing texture {asset.path}", field=str(prim.GetPath()))
-        decoded = decode_image(bytes(opened.GetBuffer()), asset.path)
-        if "[" not in asset.resolvedPath:
-            files.append(Path(asset.resolvedPath))
-        texels = linear_texels(Texture(name=asset.path, texels=decoded, srgb=decoded.dtype == np.uint8))[..., :3]
-    rotation = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
-    environment = Environment(
-        name=str(prim.GetPath()), texels=(texels * radiance).astype(np.float32), world_from_environment=rotation
-    )
-    if prim.IsA(UsdLux.DomeLight_1) and _pole(prim) == "Z":
-        environment = replace(environment, world_from_environment=rotation @ rotation_from_y_up("Z"))
-    return environment

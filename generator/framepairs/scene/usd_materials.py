@@ -1,4 +1,8 @@
-"""UsdPreviewSurface networks into materials and textures."""
+"""UsdPreviewSurface networks into materials and textures.
+
+Source: the UsdPreviewSurface specification, version 2.6. What has no counterpart is named in Material.not_read where it acts.
+Values are read at the stage's earliest time.
+"""
 
 import math
 from dataclasses import replace
@@ -6,16 +10,17 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Ar, UsdShade
+from pxr import Ar, Usd, UsdShade
 
 from ..errors import InputError
 from .description import Material, Slot, Texture
 from .images import decode_image, pack_channels
+from .reflectance import f0_of_ior, specular_of_f0
 
 COMPONENT = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": 0, "rgba": 0}
 WRAP = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "useMetadata": "repeat"}
-# UsdPreviewSurface inputs without counterpart, and the value at which they do nothing.
-NOT_READ = {"clearcoat": 0.0, "displacement": 0.0}
+EARLIEST = Usd.TimeCode.EarliestTime()
+GRAY = 1e-3  # difference between the components of a colour that counts as grey
 DEFAULTS = {
     "diffuseColor": (0.18, 0.18, 0.18),
     "emissiveColor": (0.0, 0.0, 0.0),
@@ -27,8 +32,15 @@ DEFAULTS = {
     "opacityThreshold": 0.0,
     "ior": 1.5,
     "clearcoat": 0.0,
+    "clearcoatRoughness": 0.01,
     "displacement": 0.0,
+    "occlusion": 1.0,
+    "normal": (0.0, 0.0, 1.0),
+    "opacityMode": "transparent",
 }
+# Inputs without counterpart; `opacityMode` and `clearcoatRoughness` are told with those on which they depend.
+WITHOUT_COUNTERPART = ("clearcoat", "displacement", "occlusion", "normal")
+TEXTURED = ("diffuseColor", "emissiveColor", "normal", "roughness", "metallic", "opacity")
 
 
 class MaterialReader:
@@ -58,34 +70,32 @@ class MaterialReader:
             kind = shader.GetIdAttr().Get() if shader else "no surface"
             return Material(name=name, not_read=(f"shader {kind}",))
         value = {key: _value(shader, key) for key in DEFAULTS}
-        sampled = {key: self._texture(shader, key) for key in ("diffuseColor", "emissiveColor", "normal")}
-        scalars = {key: self._texture(shader, key) for key in ("roughness", "metallic", "opacity")}
-        reader = next((t for t in (*sampled.values(), *scalars.values()) if t), None)
-        if reader:
-            self.uv_names[index] = reader[2]
-        not_read = [key for key, neutral in NOT_READ.items() if value[key] != neutral or self._connected(shader, key)]
-        not_read += [f"{key} through {kind}" for key, kind in self._other_shaders(shader)]
-        if value["useSpecularWorkflow"]:
-            not_read.append("specular workflow")
-        base = self._base_slot(name, sampled["diffuseColor"], scalars["opacity"])
+        read = {key: self._texture(shader, key) for key in TEXTURED}
+        specular_workflow = bool(value["useSpecularWorkflow"])
+        if specular_workflow:
+            read["metallic"], value["metallic"] = None, 0.0
+        self.uv_names[index] = next((item[2] for item in read.values() if item), "st")
         threshold = float(value["opacityThreshold"])
-        transparent = scalars["opacity"] is not None or value["opacity"] < 1
-        return Material(
+        transparent = read["opacity"] is not None or value["opacity"] < 1
+        alpha = "mask" if threshold > 0 and transparent else "blend" if transparent else "opaque"
+        material = Material(
             name=name,
-            base_color=_ones_if(sampled["diffuseColor"], tuple(value["diffuseColor"])),
-            opacity=1.0 if scalars["opacity"] else float(value["opacity"]),
-            roughness=1.0 if scalars["roughness"] else float(value["roughness"]),
-            metallic=1.0 if scalars["metallic"] else float(value["metallic"]),
-            specular=((value["ior"] - 1) / (value["ior"] + 1)) ** 2 / 0.08,
-            emission=_ones_if(sampled["emissiveColor"], tuple(value["emissiveColor"])),
-            alpha="mask" if threshold > 0 and transparent else "blend" if transparent else "opaque",
+            base_color=_ones_if(read["diffuseColor"], tuple(value["diffuseColor"])),
+            opacity=1.0 if read["opacity"] else float(value["opacity"]),
+            roughness=1.0 if read["roughness"] else float(value["roughness"]),
+            metallic=1.0 if read["metallic"] else float(value["metallic"]),
+            emission=_ones_if(read["emissiveColor"], tuple(value["emissiveColor"])),
+            alpha=alpha,
             alpha_cutoff=threshold or 0.5,
-            base_texture=base,
-            surface_texture=self._surface_slot(name, scalars["roughness"], scalars["metallic"]),
-            normal_texture=self._slot(sampled["normal"]),
-            emission_texture=self._slot(sampled["emissiveColor"]),
-            not_read=tuple(not_read),
+            base_texture=self._base_slot(name, read["diffuseColor"], read["opacity"]),
+            surface_texture=self._surface_slot(name, read["roughness"], read["metallic"]),
+            normal_texture=self._slot(read["normal"]),
+            emission_texture=self._slot(read["emissiveColor"]),
+            not_read=(*_unread_inputs(shader, value, read, alpha), *_unread_textures(shader, read)),
         )
+        if specular_workflow:
+            return _with_specular_color(material, shader, value, read)
+        return _with_ior(material, shader, value["ior"], metal=value["metallic"] >= 1 and not read["metallic"])
 
     def _base_slot(self, name: str, color: "Read | None", opacity: "Read | None") -> Slot | None:
         if opacity is None:
@@ -94,7 +104,7 @@ class MaterialReader:
         white = {k: (replace(texture, scale=(0,) * 4, bias=(1,) * 4), 0) for k in range(3)}
         rgb = {k: (color[0], k) for k in range(3)} if color else white
         packed = pack_channels(f"{name} base", {**rgb, 3: (texture, component)})
-        return self._slot((replace(packed, srgb=bool(color) and color[0].srgb), 0, "", color[3] if color else uv))
+        return self._slot((replace(packed, srgb=bool(color) and packed.srgb), 0, "", color[3] if color else uv))
 
     def _surface_slot(self, name: str, roughness: "Read | None", metallic: "Read | None") -> Slot | None:
         parts = {k: (read[0], read[1]) for k, read in ((1, roughness), (2, metallic)) if read}
@@ -117,18 +127,6 @@ class MaterialReader:
             self.textures.append(texture)
             known.append(True)
         return Slot(texture=known.index(True), uv=uv)
-
-    @staticmethod
-    def _connected(shader: UsdShade.Shader, key: str) -> bool:
-        attribute = shader.GetInput(key)
-        return bool(attribute and attribute.HasConnectedSource())
-
-    @staticmethod
-    def _other_shaders(shader: UsdShade.Shader) -> list[tuple[str, str]]:
-        """Inputs that a shader other than UsdUVTexture drives, and its id."""
-        sources = {key: _source(shader, key) for key in (*DEFAULTS, "normal")}
-        kinds = {key: source[0].GetIdAttr().Get() for key, source in sources.items() if source}
-        return [(key, kind) for key, kind in kinds.items() if kind != "UsdUVTexture"]
 
     def _texture(self, shader: UsdShade.Shader, key: str) -> "Read | None":
         """(texture, component, name of the uv primvar, uv transform) behind an input, or None where it is a value."""
@@ -181,6 +179,70 @@ class MaterialReader:
 Read = tuple[Texture, int, str, tuple]
 
 
+def _with_ior(material: Material, shader: UsdShade.Shader, ior: float, metal: bool) -> Material:
+    """A metal has no part that the ior concerns."""
+    specular, said = specular_of_f0(f0_of_ior(ior, material.name), f"ior {ior:g}")
+    said = ("ior (texture)",) if _connected(shader, "ior") else said
+    return replace(material, specular=specular, not_read=(*material.not_read, *(() if metal else said)))
+
+
+def _with_specular_color(material: Material, shader: UsdShade.Shader, value: dict, read: "dict[str, Read | None]") -> Material:
+    """The specular workflow: F0 is specularColor. A metal where nothing is diffuse, a dielectric where F0 is a dark grey."""
+    f0 = np.array(value["specularColor"], dtype=float)
+    if _connected(shader, "specularColor"):
+        return replace(material, not_read=(*material.not_read, "specularColor (texture)"))
+    if read["diffuseColor"] is None and not any(value["diffuseColor"]) and read["opacity"] is None:
+        return replace(material, base_color=tuple(f0.tolist()), metallic=1.0)
+    specular, said = specular_of_f0(float(f0.mean()), f"specularColor {_text(f0)}")
+    if not said and np.ptp(f0) > GRAY:
+        said = (f"specularColor {_text(f0)}: F0 is grey, its mean",)
+    return replace(material, specular=specular, not_read=(*material.not_read, *said))
+
+
+def _unread_inputs(shader: UsdShade.Shader, value: dict, read: "dict[str, Read | None]", alpha: str) -> list[str]:
+    """Inputs that act and are not drawn, each with its value."""
+    said = []
+    for key in WITHOUT_COUNTERPART:
+        source = _source(shader, key)
+        if source and source[0].GetIdAttr().Get() == "UsdUVTexture":
+            said += [] if read.get(key) else ["occlusion map" if key == "occlusion" else f"{key} (texture)"]
+        elif not source and not np.allclose(value[key], DEFAULTS[key]):
+            said.append(f"{key} {_text(value[key])}")
+        if key == "clearcoat" and said:
+            said.append(f"clearcoatRoughness {_text(value['clearcoatRoughness'])}")
+    if alpha == "blend" and value["opacityMode"] != "presence":
+        said.append(f"opacityMode {value['opacityMode']}: highlights fade with opacity, too")
+    kinds = {key: source[0].GetIdAttr().Get() for key in DEFAULTS if (source := _source(shader, key))}
+    said += [f"{key} through {kind}" for key, kind in kinds.items() if kind != "UsdUVTexture"]
+    sources = {item.GetBaseName(): item.GetValueProducingAttributes() for item in shader.GetInputs()}
+    changing = [key for key, attributes in sources.items() if any(a.ValueMightBeTimeVarying() for a in attributes)]
+    return said + [f"animation of {key}: it stays as it begins" for key in changing]
+
+
+def _unread_textures(shader: UsdShade.Shader, read: "dict[str, Read | None]") -> list[str]:
+    """What textures ask for beyond one set of uv for the mesh and one transform of them for each of our slots."""
+    said, first = [], next((item for item in read.values() if item), None)
+    for key, item in read.items():
+        if item and item[2] != first[2]:
+            said.append(f"uv {item[2]} of {key}: it is read with {first[2]}")
+        source = _source(shader, key)
+        if item and "black" in [_value(source[0], wrap) for wrap in ("wrapS", "wrapT")]:
+            said.append(f"wrap mode black of {key}: it is read with clamp")
+    for key, other in (("opacity", "diffuseColor"), ("metallic", "roughness")):
+        if read[key] and read[other]:
+            uv_differs, wrap_differs = read[key][3] != read[other][3], read[key][0].wrap != read[other][0].wrap
+            said += [f"transform of uv or wrap mode of {key}: those of {other} are used"] if uv_differs or wrap_differs else []
+    return said
+
+
+def _text(value) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else f"({', '.join(f'{c:g}' for c in value)})"
+
+
+def _connected(shader: UsdShade.Shader, key: str) -> bool:
+    return _source(shader, key) is not None
+
+
 def _settings(texture: Texture) -> tuple:
     return texture.srgb, texture.wrap, texture.scale, texture.bias
 
@@ -202,11 +264,11 @@ def _value(shader: UsdShade.Shader, key: str):
     attribute = shader.GetInput(key)
     if attribute:
         for producer in attribute.GetValueProducingAttributes():
-            value = producer.Get()
+            value = producer.Get(EARLIEST)
             if value is not None:
                 return value
-        if attribute.Get() is not None:
-            return attribute.Get()
+        if attribute.Get(EARLIEST) is not None:
+            return attribute.Get(EARLIEST)
     return DEFAULTS.get(key)
 
 
