@@ -26,6 +26,28 @@ def quad(width: float, height: float, name: str = "quad") -> Mesh:
     )
 
 
+def uv_sphere(columns: int = 64, rows: int = 32) -> Mesh:
+    """The unit sphere with its exact normals, poles on the y axis."""
+    theta = np.linspace(0, np.pi, rows + 1)[:, None]
+    phi = np.linspace(0, 2 * np.pi, columns + 1)[None, :]
+    points = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta) * np.ones_like(phi), np.sin(theta) * np.cos(phi)], axis=-1)
+    uv = np.stack(np.broadcast_arrays(phi / (2 * np.pi), 1 - theta / np.pi), axis=-1)
+    first = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
+    down, right = columns + 1, 1
+    faces = np.concatenate(
+        [np.stack([first, first + down, first + right], 1), np.stack([first + right, first + down, first + down + right], 1)]
+    )
+    flat = points.reshape(-1, 3).astype(np.float32)
+    area = np.linalg.norm(np.cross(flat[faces[:, 1]] - flat[faces[:, 0]], flat[faces[:, 2]] - flat[faces[:, 0]]), axis=1)
+    return Mesh(
+        name="sphere",
+        positions=flat,
+        faces=faces[area > 1e-9].astype(np.uint32),  # the poles' triangles have no area
+        normals=flat.copy(),
+        uv=uv.reshape(-1, 2).astype(np.float32),
+    )
+
+
 def at(x: float, y: float, z: float) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z

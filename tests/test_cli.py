@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import OpenEXR
 import pytest
+from PIL import Image
+
+from framepairs.preview import LABEL
 
 QUAD_OBJ = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n"
 STILL = {
@@ -78,6 +82,16 @@ def files(tmp_path_factory) -> Path:
         (["validate", "gone"], "not a corpus"),
         (["upscale", "gone"], "not a corpus"),
         (["preview", "gone"], "not a corpus"),
+        (["preview", "gone", "--frames", "0:1"], "needs --compare"),
+        (["preview", "gone", "--compare", "raster", "path"], "no such scene"),
+        (["preview", "quad.obj", "--compare", "raster", "vector"], "shading"),
+        (["preview", "quad.obj", "--compare", "raster", "path", "--frames", "9:99"], "0:32"),
+        (["render", "quad.obj", "--set", "anisotropy"], "key=value"),
+        (["render", "quad.obj", "--set", "anisotropy=17"], "anisotropy"),
+        (["render", "quad.obj", "--set", "antialiasing_pattern=circle"], "antialiasing_pattern"),
+        (["brdf", "--model", "disney"], "must be one of separable_smith"),
+        (["brdf", "--size", "64", "--plot", "error.gif"], ".png"),
+        (["brdf", "--size", "4"], "--size"),
         (["regenerate", "gone", "--scale", "2"], "not a corpus"),
         (["describe", "gone.usd"], "no such scene"),
     ],
@@ -189,6 +203,36 @@ def test_preview_and_upscale_write_what_they_say(corpus, tmp_path):
     assert done.returncode == 0 and {row["method"] for row in rows} == {"bicubic"}
     done = framepairs("upscale", corpus, "--method", "dlss")
     assert done.returncode == 2 and "unknown method 'dlss'" in done.stderr
+
+
+def test_upscale_measures_against_the_stream_that_is_asked_for(files, tmp_path):
+    arguments = ["--camera", files / "still.json", "--streams", "native,hr_mip0", *TINY, "--out", tmp_path / "c"]
+    assert framepairs("render", files / "quad.obj", *arguments).returncode == 0
+    done = framepairs("upscale", tmp_path / "c", "--method", "nearest", "--truth", "hr_mip0", "--json")
+    assert done.returncode == 0, done.stderr
+    done = framepairs("upscale", tmp_path / "c", "--truth", "hr_native")
+    assert done.returncode == 2 and "no stream 'hr_native'" in done.stderr
+
+
+def test_two_modes_side_by_side(files, tmp_path):
+    options = ["--compare", "raster", "path", "--display", "48x27", "--spp", 4, "--set", "antialiasing=2", "--frames", "0:2"]
+    done = framepairs("preview", files / "quad.obj", *options, "--out", tmp_path / "p")
+    assert done.returncode == 0, done.stderr
+    file = Path(done.stdout.split()[-1])
+    assert file.name == "quad_raster_path.png"
+    assert Image.open(file).size == (3 * 48, 2 * (27 + LABEL))
+
+
+def test_brdf_writes_a_table_and_a_plot_and_tells_its_errors(tmp_path):
+    table, plot = tmp_path / "t.exr", tmp_path / "p.svg"
+    done = framepairs("brdf", "--size", 64, "--model", "schlick_k", "--out", table, "--plot", plot, "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    assert {row["method"] for row in rows} == {"hammersley", "quadrature"}
+    assert min(row["max_error"] for row in rows) < 1e-4
+    with OpenEXR.File(str(table), separate_channels=True) as image:
+        assert set(image.channels()) == {"A", "B"} and image.channels()["A"].pixels.shape == (64, 64)
+    assert plot.read_text().startswith("<?xml")
 
 
 def test_lists_and_descriptions(files):

@@ -19,6 +19,7 @@ from framepairs.conventions import (
 # What outsiders rely on: names in this order, the names inside the EXR files, and dtypes.
 EXPECTED = {
     "color": (("R", "G", "B"), "half"),
+    "color_variance": (("R", "G", "B"), "float"),
     "emission": (("R", "G", "B"), "half"),
     "albedo": (("R", "G", "B"), "half"),
     "normal": (("X", "Y", "Z"), "half"),
@@ -118,13 +119,13 @@ def test_components_and_bytes_follow_from_the_table():
     for channel in CHANNELS:
         assert channel.components == len(channel.exr)
         assert channel.bytes_per_pixel == len(channel.exr) * size[channel.dtype]
-    # By hand: four colours and the normal at 6, five half scalars at 2, depth 4, two motions at 8, two sets of bits at 4.
-    assert sum(channel.bytes_per_pixel for channel in CHANNELS) == 68
+    # By hand: four colours and the normal at 6, variance 12, five half scalars at 2, depth 4, two motions at 8, two bits at 4.
+    assert sum(channel.bytes_per_pixel for channel in CHANNELS) == 80
 
 
 def test_only_light_is_averaged():
     averaged = {channel.name for channel in CHANNELS if channel.averaged}
-    assert averaged == {"color", "emission", "brdf", "transparency", "overlay"}
+    assert averaged == {"color", "color_variance", "emission", "brdf", "transparency", "overlay"}
 
 
 def test_backgrounds_have_as_many_components_as_their_channel():

@@ -34,7 +34,7 @@ def test_left_out_channels_read_like_rendered_ones(tmp_path, moves):
     cameras = [np.eye(4), turn if moves else np.eye(4)]
     needed, everything = (rendered(tmp_path / c, c, cameras) for c in ("needed", "all"))
     entry = needed.sequence("plain_still")
-    left_out = {"albedo", "roughness", "metallic", "specular", "dual_motion", "transparency", "overlay"}
+    left_out = {"albedo", "roughness", "metallic", "specular", "dual_motion", "transparency", "overlay", "color_variance"}
     left_out |= set() if moves else {"motion", "visibility"}
     assert set(entry.constants) == left_out and not set(entry.channels) & left_out
     assert set(entry.channels) | left_out == {channel.name for channel in CHANNELS}

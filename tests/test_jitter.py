@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import numpy as np
 import pytest
 
 from framepairs.jitter import antialiasing_positions, default_length, jitter, radical_inverse
@@ -86,3 +87,16 @@ def test_every_column_of_the_pixel_holds_one_sample(samples):
 @pytest.mark.parametrize("samples", [2, 4, 8, 16, 64, 1024])
 def test_every_row_of_the_pixel_holds_one_sample_for_powers_of_two(samples):
     assert sorted(int(y * samples) for _, y in antialiasing_positions(samples)) == list(range(samples))
+
+
+def test_halton_positions_are_the_sequence_from_index_one():
+    assert antialiasing_positions(3, "halton") == ((0.5, 1 / 3), (0.25, 2 / 3), (0.75, 1 / 9))
+
+
+def test_enhanced_positions_are_eight_in_each_quarter_around_its_centre():
+    places = np.array(antialiasing_positions(32, "qrisp_enhanced")).reshape(4, 8, 2)
+    assert np.allclose(places.mean(axis=1), [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]], atol=1e-15)
+    inside = places - places.mean(axis=1, keepdims=True)
+    assert np.abs(inside).max() < 0.25
+    # one sample in each of eight rows and columns of a quarter, as Direct3D's pattern has
+    assert all(len(np.unique(np.round(inside[0, :, axis] * 32))) == 8 for axis in (0, 1))

@@ -43,8 +43,8 @@ def test_the_path_is_a_pan_a_cut_and_sixteen_frames_in_which_everything_stops(sh
 
 def test_everything_in_it_is_read_and_nearly_every_channel_needed(market, shoot):
     assert market.not_read == () and not [m.name for m in market.materials if m.not_read]
-    constant = {name for name, need in channel_needs(market, shoot.samples).items() if not need.needed}
-    assert constant <= {"specular", "transparency", "overlay"}
+    constant = {name for name, need in channel_needs(market, shoot.samples, plan_of()).items() if not need.needed}
+    assert constant <= {"specular", "transparency", "overlay", "color_variance"}
 
 
 def test_rendered_small_it_passes_validation_and_stands_still(market, tmp_path):

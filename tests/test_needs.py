@@ -8,6 +8,7 @@ import pytest
 
 from framepairs.camera_path import CameraSample
 from framepairs.channels import CHANNELS
+from framepairs.plan import RenderPlan
 from framepairs.scene.description import Environment, Material, Mesh, SceneDescription, SceneObject, Slot, Texture
 from framepairs.scene.needs import channel_needs
 from framepairs.transforms import translation
@@ -48,8 +49,8 @@ def material(**values):
     return Material(name="m", **values)
 
 
-def needs(*materials, samples=(camera(), camera()), **keys):
-    return channel_needs(scene(*materials, **keys), samples)
+def needs(*materials, samples=(camera(), camera()), plan=None, **keys):
+    return channel_needs(scene(*materials, **keys), samples, plan or RenderPlan())
 
 
 def test_there_is_one_need_per_channel_in_the_order_of_the_table():
@@ -66,7 +67,7 @@ def test_constants_have_the_components_of_their_channel():
 
 
 def test_what_every_scene_needs_is_needed_by_an_empty_one():
-    found = channel_needs(scene(), [camera()])
+    found = channel_needs(scene(), [camera()], RenderPlan())
     assert {name for name, need in found.items() if need.needed} == {"color", "normal", "depth", "object_id", "brdf"}
 
 
@@ -89,7 +90,7 @@ def test_one_value_on_all_surfaces_is_a_constant_and_two_are_a_channel(channel, 
 def test_materials_that_no_object_wears_do_not_count():
     described = scene(material(roughness=0.3), material(roughness=0.7))
     described = replace(described, objects=described.objects[:1])
-    assert channel_needs(described, [camera()])["roughness"].constant == (0.3,)
+    assert channel_needs(described, [camera()], RenderPlan())["roughness"].constant == (0.3,)
 
 
 def test_textures_need_the_channels_that_they_vary():
@@ -152,3 +153,15 @@ def test_the_whole_path_counts():
 def test_a_cut_is_no_motion():
     found = motion([camera(), camera(x=5, shot=1), camera(x=5, shot=1)])
     assert not any(need.needed for need in found.values())
+
+
+def test_variance_is_of_light_paths():
+    assert needs(material())["color_variance"].constant == (0.0, 0.0, 0.0)
+    assert needs(material(), plan=RenderPlan(shading="path"))["color_variance"].needed
+
+
+def test_filtered_normals_make_roughness_vary_unless_the_plan_says_no():
+    bumpy = material(normal_texture=Slot(texture=0))
+    texture = Texture(name="bumps", texels=np.zeros((2, 2, 4), np.uint8), srgb=False)
+    assert needs(bumpy, textures=(texture,))["roughness"].needed
+    assert needs(bumpy, textures=(texture,), plan=RenderPlan(normal_variance=False))["roughness"].constant == (0.5,)

@@ -65,7 +65,8 @@ def test_frame_records_have_the_documented_keys(reference):
         "fov_y_rad", "near", "far", "view_from_world", "clip_from_view", "previous_view_from_world",
         "previous_clip_from_view",
     }  # fmt: skip
-    assert all(set(s) == {"size", "scale", "jitter", "mip_bias", "saturated"} for s in record["streams"].values())
+    counted = {"saturated", "fireflies", "rejected_paths"}
+    assert all(set(s) == {"size", "scale", "jitter", "mip_bias", *counted} for s in record["streams"].values())
     assert all(set(f) == {"path", "sha256", "size"} for f in record["files"])
 
 

@@ -137,3 +137,17 @@ def test_a_file_that_is_no_plan_is_named(tmp_path, data, says):
         file.write_bytes(data)
     with pytest.raises(InputError, match=f"^{file}: .*{says}"):
         read_plan(file)
+
+
+def test_hr_mip0_is_the_truth_without_bias():
+    streams = plan_streams(make_plan({"hr_mip0": True, "antialiasing": 8}))
+    assert [stream.name for stream in streams[:2]] == ["hr", "hr_mip0"]
+    assert (streams[0].mip_bias, streams[1].mip_bias, streams[1].samples) == (-1.5, 0.0, 8)
+
+
+def test_the_enhanced_truth_of_qrisp_has_32_samples_at_bias_minus_one():
+    plan = make_plan({"antialiasing_pattern": "qrisp_enhanced"})
+    truth = plan_streams(plan)[0]
+    assert (truth.samples, truth.mip_bias, truth.pattern) == (32, -1.0, "qrisp_enhanced")
+    with pytest.raises(InputError, match="32 samples, not 16"):
+        make_plan({"antialiasing_pattern": "qrisp_enhanced", "antialiasing": 16})

@@ -1,11 +1,15 @@
-"""Mip pyramids and look-ups of non-square, non-power-of-two textures."""
+"""Mip pyramids in their roles, and look-ups of non-square, non-power-of-two textures."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from framepairs import textures
 from framepairs.backend import dr, mi
+from framepairs.mip_pyramids import NORMAL, Role, coverage, mip_pyramid
 from framepairs.scene.description import Texture
-from framepairs.textures import build_textures, mip_pyramid, sample_level, sample_texture
+from framepairs.textures import build_textures, sample_level, sample_normal, sample_texture
 
 RNG = np.random.default_rng(3)
 HALF_STEP = 2.0**-11  # relative rounding of texels stored as half
@@ -39,9 +43,9 @@ def test_texel_centres_give_texels_and_row_0_is_at_the_top():
     assert np.abs(got - image.texels / 255).max() < HALF_STEP + 7 * 2.0**-22
 
 
-def reference(image: Texture, u: float, v: float) -> np.ndarray:
-    """Bilinear by hand, with explicit wrapping of integer indices."""
-    texels = image.texels / 255
+def reference(image: Texture, u: float, v: float, texels: np.ndarray | None = None) -> np.ndarray:
+    """Bilinear by hand, of level 0 or of `texels`, with explicit wrapping of integer indices."""
+    texels = image.texels / 255 if texels is None else texels
     height, width = texels.shape[:2]
 
     def index(k, n, mode):
@@ -90,11 +94,14 @@ def test_level_comes_from_the_larger_derivative_and_the_bias_moves_it():
 
 def test_degenerate_derivatives_are_clamped_never_nan():
     table = build_textures((texture(5, 7),))
-    for bad in (np.nan, np.inf, 0.0, 1e-30, 1e30):
-        value = sample_texture(
-            table, mi.UInt32(0), mi.Point2f(0.3, 0.3), mi.Vector2f(bad), mi.Vector2f(0), mi.Float(0), mi.Bool(True)
-        )
-        assert np.isfinite(np.array(value)).all()
+    bad = [np.nan, np.inf, -np.inf, 0.0, 1e-30, 1e30]
+    u, x, y = (column.ravel().astype(np.float32) for column in np.meshgrid([0.3, *bad], bad, bad))
+    for anisotropy in (1, 16):
+        aniso = replace(table, anisotropy=anisotropy)
+        slopes = mi.Vector2f(x, 0.1), mi.Vector2f(x, y)
+        for sample in (sample_texture, sample_normal):
+            value = sample(aniso, mi.UInt32(0), mi.Point2f(u, 0.3), *slopes, mi.Float(-1), mi.Bool(True))
+            assert np.isfinite(np.array(value)).all()
 
 
 def test_textures_of_one_table_do_not_mix():
@@ -111,3 +118,171 @@ def test_an_inactive_look_up_touches_nothing():
     wild = mi.UInt32(dr.opaque(mi.UInt32, 4_000_000_000))
     value = sample_texture(table, wild, mi.Point2f(0.5), *NO_SLOPE, mi.Float(0), mi.Bool(False))
     assert np.isfinite(np.array(value)).all()
+
+
+@pytest.mark.parametrize("bias", [0.0, -5.0])
+def test_taps_lie_along_the_longer_axis_and_the_bias_leaves_them_there(bias):
+    """Footprints of 16 x 1 texels around texels 0 to 15 of a row, or of a column: 16 taps on their centres, at level 0
+    whatever the bias."""
+    image = texture(64, 64)
+    table = build_textures((image,), anisotropy=16)
+    long, short = 16 / 64, 1 / 64
+    for place, dx, dy, texels in (
+        ((8 / 64, 1 - 5.5 / 64), (0, short), (long, 0), image.texels[5, :16]),
+        ((5.5 / 64, 1 - 8 / 64), (short, 0), (0, long), image.texels[:16, 5]),
+    ):
+        slopes = mi.Vector2f(*dx), mi.Vector2f(*dy)
+        got = sample_texture(table, mi.UInt32(0), mi.Point2f(*place), *slopes, mi.Float(bias), mi.Bool(True))
+        # halves, and places that err by some 64 * 2^-23 texels at 16 taps
+        assert np.abs(np.array(got).ravel() - texels.mean(0) / 255).max() < HALF_STEP + 64 * 2.0**-22
+
+
+def anisotropic_reference(image: Texture, uv, dx, dy, bias: float, most: int) -> np.ndarray:
+    """The look-up as its documentation tells it, one at a time, with singular values from LAPACK."""
+    pyramid = mip_pyramid(image)
+    size = np.array(image.texels.shape[1::-1])
+    axes, (major, minor), _ = np.linalg.svd(np.stack([dx, dy], axis=1) * size[:, None])
+    ratio = major / max(minor, 1)
+    taps = int(np.clip(np.ceil(ratio - 1 / 64), 1, most))
+    reach = (1 - 1 / np.clip(ratio, 1, most)) / (1 - 1 / taps) if taps > 1 else 0
+    level = np.clip(np.log2(max(minor, major / most)) + bias, 0, len(pyramid) - 1)
+    below = int(level)
+    total = np.zeros(4)
+    for k in range(taps):
+        u, v = uv + axes[:, 0] * reach * major / size * ((k + 0.5) / taps - 0.5)
+        fine, coarse = (reference(image, u, v, pyramid[min(j, len(pyramid) - 1)]) for j in (below, below + 1))
+        total += fine + (coarse - fine) * (level - below)
+    return total / taps
+
+
+@pytest.mark.parametrize(("most", "wrap"), [(16, ("repeat", "repeat")), (4, ("mirror", "clamp"))])
+def test_anisotropic_look_ups_agree_with_singular_values(most, wrap):
+    image = texture(50, 77, wrap)
+    table = build_textures((image,), anisotropy=most)
+    count = 80
+    uv, dx, dy = RNG.uniform(-1, 2, (count, 2)), *RNG.normal(0, 0.05, (2, count, 2))
+    dy[::2] = dx[::2] * RNG.uniform(0.1, 2, (count // 2, 1)) + RNG.normal(0, 0.002, (count // 2, 2))  # long ellipses
+    place, *slopes = (columns.T.astype(np.float32) for columns in (uv, dx, dy))
+    footprint = mi.Point2f(place), mi.Vector2f(slopes[0]), mi.Vector2f(slopes[1])
+    got = np.array(sample_texture(table, mi.UInt32(0), *footprint, mi.Float(-0.7), mi.Bool(True))).T
+    expected = np.array([anisotropic_reference(image, *row, -0.7, most) for row in zip(uv, dx, dy, strict=True)])
+    # Halves, and float32: the shorter axis comes from a determinant, whose rounding, 2^-23 times up to 4 major^2 / minor,
+    # shifts the level by 2^-21 ratio^2; neighbouring levels differ by less than 1. Ratios reach 60 here.
+    assert np.abs(got - expected).max() < HALF_STEP + 60**2 * 2.0**-21
+
+
+def test_anisotropy_1_takes_the_longer_derivative():
+    image = texture(64, 64)
+    table = build_textures((image,))
+    slope = mi.Vector2f(6 / 64, 0), mi.Vector2f(8 / 64, 0)  # an ellipse 10 texels long
+    got = sample_texture(table, mi.UInt32(0), mi.Point2f(0.3, 0.6), *slope, mi.Float(0), mi.Bool(True))
+    assert np.abs(np.array(got).ravel() - look_up(image, 0.3, 0.6, 3.0)[0]).max() < 1e-5
+
+
+def encoded(vectors: np.ndarray) -> Texture:
+    """A float normal map of these vectors [h, w, 3]."""
+    texels = np.concatenate([vectors, np.ones_like(vectors[..., :1])], axis=-1).astype(np.float32)
+    return Texture(name="n", texels=texels / 2 + np.float32(0.5), srgb=False, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0))
+
+
+def test_a_constant_normal_map_loses_nothing():
+    for level in mip_pyramid(encoded(np.broadcast_to((0.3, -0.2, 0.7), (13, 21, 3))), NORMAL):
+        assert (level[..., 3] == 0).all()
+        assert np.abs(level[..., :3] - np.array((0.3, -0.2, 0.7)) / np.sqrt(0.62)).max() < 8 * 2.0**-24
+
+
+def test_two_normals_give_the_variance_of_their_mean():
+    """Columns tilted by +-a: the mean is (0, 0, cos a), so the variance is (1 - cos a) / cos a, and level 0 keeps none."""
+    a = 0.6
+    vectors = np.zeros((4, 6, 3))
+    vectors[..., 0], vectors[..., 2] = np.sin(a) * np.where(np.arange(6) % 2, 1, -1), np.cos(a)
+    pyramid = mip_pyramid(encoded(3 * vectors), NORMAL)  # of any length
+    assert (pyramid[0][..., 3] == 0).all()
+    assert np.abs(np.linalg.norm(pyramid[0][..., :3], axis=-1) - 1).max() < 4 * 2.0**-24
+    for level in pyramid[1:]:
+        assert np.abs(level[..., :3] - (0, 0, 1)).max() < 16 * 2.0**-24
+        assert np.abs(level[..., 3] - (1 - np.cos(a)) / np.cos(a)).max() < 16 * 2.0**-24
+
+
+def test_taps_that_disagree_have_variance_too():
+    """The same map at level 0 under 16 taps along the row: texels lost nothing, but their directions differ."""
+    a = 0.6
+    vectors = np.zeros((8, 32, 3))
+    vectors[..., 0], vectors[..., 2] = np.sin(a) * np.where(np.arange(32) % 2, 1, -1), np.cos(a)
+    table = build_textures((encoded(vectors),), (NORMAL,), 16)
+    for slope, variance in ((16 / 32, (1 - np.cos(a)) / np.cos(a)), (1 / 32, 0)):
+        slopes = mi.Vector2f(slope, 0), mi.Vector2f(0, 1 / 8)
+        centre = mi.Point2f(0.5 + (slope < 0.1) * 0.5 / 32, 0.5 / 8)
+        got = np.array(sample_normal(table, mi.UInt32(0), centre, *slopes, mi.Float(0), mi.Bool(True))).ravel()
+        assert abs(got[3] - variance) < HALF_STEP
+
+
+def test_directions_that_cancel_give_a_direction():
+    vectors = np.zeros((2, 2, 3))
+    vectors[:, 0, 0], vectors[:, 1, 0] = 1, -1
+    table = build_textures((encoded(vectors),), (NORMAL,))
+    for level in (0.0, 1.0):
+        slopes = mi.Vector2f(0.5, 0), mi.Vector2f(0, 0.5)
+        got = sample_normal(table, mi.UInt32(0), mi.Point2f(0.5, 0.5), *slopes, mi.Float(level), mi.Bool(True))
+        x, y, z, variance = np.array(got).ravel()
+        assert (x, y, z) == (0, 0, 1) and 1e4 <= variance < np.inf
+
+
+def leaf(size: int) -> np.ndarray:
+    """Opacity [size, size] of a leaf on a thin stalk, its edge soft over some texels, off centre; covers a quarter."""
+    y, x = (np.indices((size, size)) + 0.5) / size
+    ripple = 0.03 * np.sin(31 * x + 7 * y)
+    body = 0.16 - np.abs(y - 0.43) - 0.35 * (x - 0.52) ** 2 + ripple
+    stalk = 0.012 - np.abs(y - 0.45 + 0.1 * x)
+    return np.clip(0.5 + np.maximum(body, stalk) * size / 6, 0, 1)
+
+
+@pytest.mark.parametrize("threshold", [0.5, 0.2, 0.83])
+def test_masks_keep_their_coverage_at_every_level(threshold):
+    texels = np.ones((150, 150, 4), np.float32)
+    texels[..., 3] = leaf(150)
+    image = Texture(name="leaf", texels=texels, srgb=False)
+    pyramid = mip_pyramid(image, Role("mask", threshold))
+    share = coverage(texels[..., 3], threshold)
+    assert 0.1 < share < 0.5
+    errors = []
+    for level, plain in zip(pyramid, mip_pyramid(image), strict=True):
+        alpha = level[..., 3].astype(np.float16)  # as it is stored
+        assert abs(coverage(alpha, threshold) - share) * alpha.size <= 1
+        errors.append(abs(coverage(plain[..., 3], threshold) - share) / share)
+    if threshold > 0.5:
+        assert max(errors[1:5]) > 0.1  # without: more than a tenth of the leaf is gone or added
+
+
+def test_masks_without_holes_or_without_anything_are_left_alone():
+    image = texture(5, 7)
+    for threshold in (0.0, -1.0, 1.5, np.inf):
+        for mask, plain in zip(mip_pyramid(image, Role("mask", threshold)), mip_pyramid(image), strict=True):
+            assert np.array_equal(mask, plain)
+
+
+def test_hidden_colour_does_not_bleed_into_masks():
+    texels = np.zeros((31, 40, 4), np.float32)
+    texels[..., 3] = leaf(40)[:31]
+    seen = texels[..., 3] >= 0.5
+    texels[seen, :3] = (0.1, 0.7, 0.2)
+    texels[~seen, :3] = (1, 0, 1)
+    for level in mip_pyramid(Texture(name="leaf", texels=texels, srgb=False), Role("mask", 0.5))[1:]:
+        assert np.abs(level[..., :3] - (0.1, 0.7, 0.2)).max() < 16 * 2.0**-24
+
+
+def test_infinite_and_missing_texels_become_finite_halves():
+    texels = np.ones((4, 4, 4), np.float32)
+    texels[0, 0], texels[1, 1], texels[2, 2] = np.inf, np.nan, 1e9
+    pyramid = mip_pyramid(Texture(name="t", texels=texels, srgb=False))
+    assert [pyramid[0][k, k, 0] for k in range(4)] == [65504, 0, 65504, 1]
+    for level in pyramid:
+        assert np.isfinite(level.astype(np.float16)).all()
+
+
+def test_halves_are_decoded_exactly():
+    bits = np.arange(2**16, dtype=np.uint32)
+    values = bits.astype(np.uint16).view(np.float16).astype(np.float32)
+    usual = np.isfinite(values) & ((values == 0) | (np.abs(values) >= 2.0**-14))  # others may be flushed to 0
+    assert usual.sum() == 2 * (1 + 30 * 1024)
+    assert np.array_equal(np.array(textures._half(mi.UInt32(bits[usual] << 16))), values[usual])

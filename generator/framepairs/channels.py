@@ -40,6 +40,10 @@ CHANNELS: tuple[Channel, ...] = (
         averaged=True, meaning="unexposed colour of everything that is drawn", needed_by="every scene",
     ),
     Channel(
+        name="color_variance", exr=RGB, dtype="float", unit="squared radiance", frame_of_reference="none", averaged=True,
+        background=(0, 0, 0), meaning="variance of color as a mean over light paths", needed_by="path shading",
+    ),
+    Channel(
         name="emission", exr=RGB, dtype="half", unit="radiance, scene-linear Rec. 709", frame_of_reference="none",
         averaged=True, meaning="emitted radiance; the sky's radiance in the background",
         needed_by="scenes with a visible sky or an emissive material",

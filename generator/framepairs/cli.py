@@ -2,23 +2,19 @@
 machine cannot, 2 bad input, 130 interrupted."""
 
 import json
-import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from . import __version__
 from .bundled import camera_path_names, find_camera_path, find_scene, scene_names
 from .errors import CheckFailed, FramepairsError, InputError, MachineError
+from .terminal import constant_text, error_console, out_console, print_rows, print_table, print_upscaled, progress
 
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, help=__doc__)
-out_console, error_console = Console(highlight=False), Console(stderr=True, highlight=False)
 
 Json = Annotated[bool, typer.Option("--json", help="print JSON for machines")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no summary")]
@@ -72,7 +68,7 @@ def doctor(json_: Json = False) -> None:
         rows = [("python", found["python"]), *found["versions"].items(), ("variant", found["variant"] or "none")]
         rows += [("libLLVM", f"{lib['path']}: {lib['why']}") for lib in found["libraries"]]
         rows += [("used", found["libllvm"] or "none"), ("CUDA", "yes" if found["cuda"] else "no")]
-        _print_table("", ["", ""], rows)
+        print_table("", ["", ""], rows)
     if found["variant"] is None:
         raise MachineError(INSTALL_LINE)
 
@@ -81,7 +77,7 @@ def doctor(json_: Json = False) -> None:
 def scenes(json_: Json = False) -> None:
     """List the bundled scenes."""
     rows = [(name, str(find_scene(name))) for name in scene_names()]
-    _print_rows(["scene", "file"], rows, json_)
+    print_rows(["scene", "file"], rows, json_)
 
 
 @app.command()
@@ -91,7 +87,7 @@ def cameras(json_: Json = False) -> None:
 
     paths = {name: read_camera_path(find_camera_path(name)) for name in camera_path_names()}
     rows = [(name, frame_count(path), path.fps) for name, path in paths.items()]
-    _print_rows(["camera path", "frames", "fps"], rows, json_)
+    print_rows(["camera path", "frames", "fps"], rows, json_)
 
 
 @app.command()
@@ -105,25 +101,27 @@ def render(
     aa: Annotated[int | None, typer.Option(help="samples per pixel of the HR truth")] = None,
     spp: Annotated[int | None, typer.Option(help="light paths per pixel, with path shading")] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the light paths")] = None,
-    streams: Annotated[str | None, typer.Option(help="LR variants: native,jittered,mip,jittered_mip and hr_native")] = None,
+    streams: Annotated[str | None, typer.Option(help="LR native,jittered,mip,jittered_mip and hr_native,hr_mip0")] = None,
     channels: Annotated[str | None, typer.Option(help="a,b,c for exactly these, 'all', or 'needed'")] = None,
     environment: Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")] = None,
     plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")] = None,
     backend: Backend = "auto",
     out: Annotated[Path | None, typer.Option(help="folder; default: ./<scene>-corpus")] = None,
     quiet: Quiet = False,
     json_: Json = False,
 ) -> None:
     """Render a scene along a camera path into a corpus; an interrupted render resumes."""
+    from .options import frame_range, make_job, plan_options
     from .plan import make_plan, read_plan
 
     values = read_plan(plan) if plan else {}
-    values |= _plan_options(scale, display, shading, aa, spp, seed, streams, channels)
+    values |= plan_options(scale, display, shading, aa, spp, seed, streams, channels, settings)
     resolved = make_plan(values, file=plan or "options")
     scene_file = find_scene(scene)
     _activate(backend)
-    job = _job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"))
-    _render(job, _frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
+    job = make_job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"))
+    _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
 
 
 @app.command()
@@ -138,6 +136,7 @@ def regenerate(
 ) -> None:
     """Render a corpus again at other scales, from its own manifest."""
     from .corpus import Corpus
+    from .options import stored_job
     from .plan import make_plan
 
     opened = Corpus(corpus)
@@ -146,7 +145,7 @@ def regenerate(
     scales = kept + tuple(value for value in scale if value not in kept)
     resolved = make_plan(plan.model_dump() | {"scales": scales}, file="options")
     _activate(backend)
-    jobs = [_stored_job(opened.sequence(name), scene, resolved, out or corpus) for name in opened.sequences]
+    jobs = [stored_job(opened.sequence(name), scene, resolved, out or corpus) for name in opened.sequences]
     if scene is not None and not any(moved for _, moved in jobs):
         raise InputError("is no scene of this corpus (sha256 differs)", file=scene)
     for (job, _), name in zip(jobs, opened.sequences, strict=True):
@@ -164,12 +163,14 @@ def describe(
     from dataclasses import asdict
 
     from .frame import Shoot
+    from .options import camera_path_of
+    from .plan import RenderPlan
     from .scene import light_scene, load_scene
     from .scene.needs import channel_needs
 
     described, light = light_scene(load_scene(find_scene(scene)), None)
-    path, path_name = _camera_path(scene, camera, described)
-    needs = channel_needs(described, Shoot(described, path, 16 / 9).samples)
+    path, path_name = camera_path_of(scene, camera, described)
+    needs = channel_needs(described, Shoot(described, path, 16 / 9).samples, RenderPlan())
     missing = [*described.not_read, *(f"{m.name}: {what}" for m in described.materials for what in m.not_read)]
     facts = {
         "objects": len(described.objects),
@@ -185,12 +186,15 @@ def describe(
         rows = {name: asdict(need) for name, need in needs.items()}
         print(json.dumps(facts | {"channels": rows}, indent=1))
         return
-    _print_table(described.name, ["", ""], [(key, value) for key, value in facts.items() if key != "not read"])
-    rows = [(n.channel, "needed" if n.needed else _constant_text(n), n.why) for n in needs.values()]
-    _print_table("channels", ["channel", "as", "why"], rows)
+    print_table(described.name, ["", ""], [(key, value) for key, value in facts.items() if key != "not read"])
+    rows = [(n.channel, "needed" if n.needed else constant_text(n), n.why) for n in needs.values()]
+    print_table("channels", ["channel", "as", "why"], rows)
     for line in missing:
         out_console.print(f"not read: {line}", markup=False)
     out_console.print("F_beta may exceed 1 at grazing angles: Lambert plus specular does not conserve energy")
+    glowing = sum(any(described.materials[item.material].emission) for item in described.objects)
+    if glowing:
+        out_console.print(f"{glowing} objects glow; in raster they light others with --set mesh_lights=true")
 
 
 @app.command()
@@ -203,7 +207,7 @@ def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) ->
 
     opened = Corpus(corpus)
     total = sum(len(opened.frames(name)) for name in opened.sequences)
-    with _progress(quiet or json_) as bar:
+    with progress(quiet or json_) as bar:
         task = bar.add_task("validating", total=total)
         results = validate_corpus(opened, on_frame=lambda *_: bar.advance(task))
     failed = [result for result in results if result.verdict == "fail"]
@@ -211,7 +215,7 @@ def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) ->
         print(json.dumps([asdict(result) for result in results], indent=1))
     elif not quiet:
         rows = [(r.id, r.verdict, "" if r.figure is None else f"{r.figure:.6g}", r.proves) for r in results]
-        _print_table(f"validate {corpus}", ["check", "verdict", "worst", "proves"], rows)
+        print_table(f"validate {corpus}", ["check", "verdict", "worst", "proves"], rows)
     if failed:
         where = f": {failed[0].worst[0]}" if failed[0].worst else ""
         raise CheckFailed(f"{corpus}: failed {', '.join(result.id for result in failed)}{where}")
@@ -222,6 +226,7 @@ def upscale(
     corpus: CorpusFolder,
     method: Annotated[list[str] | None, typer.Option(help="nearest, bilinear, bicubic or accumulate, repeatable")] = None,
     stream: Annotated[list[str] | None, typer.Option(help="LR stream, repeatable; default: all")] = None,
+    truth: Annotated[str, typer.Option(help="stream to measure against: hr, hr_mip0 or hr_native")] = "hr",
     out: Annotated[Path | None, typer.Option(help="write the upscaled frames there as PNG")] = None,
     json_: Json = False,
     quiet: Quiet = False,
@@ -238,33 +243,49 @@ def upscale(
     if unknown:
         raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
     rows = []
-    with _progress(quiet or json_) as bar:
+    with progress(quiet or json_) as bar:
         task = bar.add_task("upscaling", total=sum(len(opened.frames(name)) for name in opened.sequences))
         for sequence in opened.sequences:
             lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
             unknown = [name for name in stream or () if name not in lr]
             if unknown:
                 raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
+            if truth not in opened.streams(sequence):
+                raise InputError(f"no stream {truth!r}; there are {', '.join(opened.streams(sequence))}", file=corpus)
             pairs = [(name, chosen) for name in (stream or lr) for chosen in (method or METHODS)]
-            rows += summarise(opened, sequence, pairs, out, on_frame=lambda: bar.advance(task))
+            rows += summarise(opened, sequence, pairs, out, on_frame=lambda: bar.advance(task), truth_stream=truth)
     if json_:
         print(json.dumps(rows, indent=1))
     elif not quiet:
         for sequence in opened.sequences:
-            _print_upscaled(sequence, [row for row in rows if row["sequence"] == sequence])
+            print_upscaled(sequence, [row for row in rows if row["sequence"] == sequence])
 
 
 @app.command()
 def preview(
-    corpus: CorpusFolder,
+    target: Annotated[str, typer.Argument(metavar="CORPUS|SCENE", help="folder of a corpus; with --compare, a scene")],
+    compare: Annotated[tuple[str, str] | None, typer.Option(help="two shading modes, as: raster path")] = None,
+    display: Annotated[str | None, typer.Option(help="size, as 640x360 (--compare)")] = None,
+    frames: Annotated[str | None, typer.Option(help="first:end (--compare); default: first, middle and last")] = None,
+    spp: Annotated[int | None, typer.Option(help="light paths per pixel (--compare)")] = None,
+    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file (--compare)")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", help="key=value of the plan, repeatable (--compare)")] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default: CORPUS-preview beside the corpus")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write PNG contact sheets: every channel, and every stream."""
+    """Write PNG contact sheets of a corpus (every channel, every stream), or a scene in two shading modes side by side."""
     from .corpus import Corpus
     from .manifest import make_folder
     from .preview import write_previews
 
+    if compare is not None:
+        values = {"display": display or "640x360", "spp": spp, "settings": settings}
+        _compare(target, camera, compare, frames, values, out or Path(f"{Path(target).stem}-preview"), quiet)
+        return
+    given = {"display": display, "frames": frames, "spp": spp, "camera": camera, "set": settings}
+    if any(given.values()):
+        raise InputError("needs --compare", field=next(name for name, value in given.items() if value))
+    corpus = Path(target)
     opened = Corpus(corpus)
     if out is not None:
         make_folder(out)
@@ -275,30 +296,60 @@ def preview(
 
 
 @app.command()
+def brdf(
+    model: Annotated[str, typer.Option(help="separable_smith, height_correlated or schlick_k")] = "separable_smith",
+    mapping: Annotated[str, typer.Option(help="alpha of a roughness r: squared (r^2) or linear (r)")] = "squared",
+    size: Annotated[int, typer.Option(min=8, max=2048, help="nodes per axis")] = 512,
+    out: Annotated[Path | None, typer.Option(help="write the table there, as EXR with channels A and B")] = None,
+    plot: Annotated[Path | None, typer.Option(help="write error against time there, as .svg or .png")] = None,
+    json_: Json = False,
+) -> None:
+    """Make the pre-integrated BRDF table by every method: its error against float64 quadrature, and its time."""
+    from dataclasses import asdict
+    from typing import get_args
+
+    from .brdf_report import report
+    from .conventions import BrdfModel, RoughnessMapping, Visibility
+
+    for field, value, known in (("model", model, get_args(Visibility)), ("mapping", mapping, get_args(RoughnessMapping))):
+        if value not in known:
+            raise InputError(f"must be one of {', '.join(known)}, not {value!r}", field=field)
+    rows = report(BrdfModel(model, mapping), size, table_file=out, plot_file=plot)
+    if json_:
+        print(json.dumps([asdict(row) for row in rows], indent=1))
+    else:
+        shown = [(r.method, r.samples, f"{r.seconds:.3f}", f"{r.max_error:.2e}", f"{r.rms_error:.2e}") for r in rows]
+        columns = ["method", "samples", "seconds", "largest error", "RMS error"]
+        print_table(f"{model}, {mapping}, {size} x {size}: A and B against float64 quadrature", columns, shown)
+
+
+@app.command()
 def version() -> None:
     """Print the version."""
     print(__version__)
 
 
-def _plan_options(scale, display, shading, aa, spp, seed, streams, channels) -> dict[str, Any]:
-    """The options that were given, as keys of a plan."""
-    given: dict[str, Any] = {"shading": shading, "antialiasing": aa, "samples_per_pixel": spp, "seed": seed}
-    values = {key: value for key, value in given.items() if value is not None}
-    if scale:
-        values["scales"] = tuple(scale)
-    if display is not None:
-        match = re.fullmatch(r"(-?[0-9]{1,9})x(-?[0-9]{1,9})", display.lower())
-        if match is None:
-            raise InputError(f"must look like 1920x1080, not {display!r}", field="display")
-        values["display"] = tuple(int(part) for part in match.groups())
-    if streams is not None:
-        names = [name.strip() for name in streams.split(",")]
-        values["hr_native"] = "hr_native" in names
-        values["variants"] = tuple(name for name in names if name != "hr_native")
-    if channels is not None:
-        names = [name.strip() for name in channels.split(",")]
-        values["channels"] = names[0] if names[0] in ("all", "needed") else tuple(names)
-    return values
+def _compare(target: str, camera, modes: tuple[str, str], frames, values: dict, out: Path, quiet: bool) -> None:
+    from .comparison import compare_modes, write_comparison
+    from .frame import Shoot
+    from .options import camera_path_of, frame_range, plan_options
+    from .plan import make_plan
+    from .scene import light_scene, load_scene
+
+    nothing = dict.fromkeys(("scale", "shading", "aa", "seed", "streams", "channels"))
+    plan = make_plan(plan_options(**nothing, **values), file="options")
+    for mode in modes:
+        make_plan({"shading": mode}, file="compare")
+    scene, _ = light_scene(load_scene(find_scene(target)), None)
+    path, _ = camera_path_of(target, camera, scene)
+    count = len(Shoot(scene, path, 1.0))
+    chosen = sorted({0, count // 2, count - 1}) if frames is None else list(frame_range(frames, count))
+    compared = compare_modes(scene, path, plan, modes, chosen)
+    file = write_comparison(compared, modes, out / f"{scene.name}_{modes[0]}_{modes[1]}.png")
+    if not quiet:
+        rows = [(item.frame, f"{item.psnr:.2f}", f"{item.mean_ratio:.3f}") for item in compared]
+        print_table(f"{modes[1]} against {modes[0]}", ["frame", "PSNR", "mean radiance ratio"], rows)
+        print(file)
 
 
 def _activate(backend: str) -> None:
@@ -307,55 +358,6 @@ def _activate(backend: str) -> None:
     from .backend import activate
 
     activate(backend)
-
-
-def _camera_path(scene: str, camera: str | None, described) -> tuple[Any, str]:
-    from .camera_path import read_camera_path
-    from .frame import orbit
-
-    if camera is None and scene in camera_path_names():
-        camera = scene
-    if camera is None:
-        return orbit(described), "orbit"
-    return read_camera_path(find_camera_path(camera)), camera
-
-
-def _job(scene: str, file: Path, camera: str | None, environment: Path | None, plan, out: Path, stored=None):
-    from .job import Job
-    from .scene import light_scene, load_scene, scene_hash
-
-    if environment is not None and not environment.is_file():
-        raise InputError("no such environment", file=environment)
-    lit, light = light_scene(load_scene(file), environment)
-    if stored is not None and scene_hash(lit) != stored.scene_sha256:
-        raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
-    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else _camera_path(scene, camera, lit)
-    return Job(scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out)
-
-
-def _stored_job(entry, moved_to: str | None, plan, out: Path):
-    """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
-    environment = Path(entry.environment) if entry.environment not in (None, "default") else None
-    if moved_to is not None:
-        try:
-            return _job(entry.scene, find_scene(moved_to), None, environment, plan, out, stored=entry), True
-        except InputError as error:
-            if "sha256 differs" not in error.problem:
-                raise
-    return _job(entry.scene, find_scene(entry.scene), None, environment, plan, out, stored=entry), False
-
-
-def _frame_range(text: str | None, count: int) -> range:
-    from .frame import check_frames
-
-    if text is None:
-        return range(count)
-    match = re.fullmatch(r"([0-9]{0,9}):([0-9]{0,9})", text)
-    if match is None:
-        raise InputError(f"must look like 0:32, not {text!r}", field="frames")
-    chosen = range(int(match[1] or 0), int(match[2] or count))
-    check_frames(chosen, count)
-    return chosen
 
 
 def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams: bool) -> None:
@@ -368,7 +370,7 @@ def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams
         estimate = estimated_bytes(job, len(frames)) / 1e9
         out_console.print(f"{job.sequence}: {len(frames)} frames into {job.out}, at most {estimate:.2f} GB", markup=False)
     start, rendered, size = time.perf_counter(), 0, 0
-    with _progress(silent) as bar:
+    with progress(silent) as bar:
         task = bar.add_task(job.sequence, total=len(frames))
         for step in render_sequence(job, frames, add_streams=add_streams):
             rendered, size = rendered + step.rendered, size + step.bytes
@@ -386,43 +388,6 @@ def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams
             f"{rendered} frames rendered, {len(frames) - rendered} were there; {size / 1e6:.1f} MB in {elapsed:.1f} s",
             markup=False,
         )
-
-
-def _progress(silent: bool) -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=error_console, transient=True, disable=silent)
-
-
-def _print_upscaled(sequence: str, rows: list[dict]) -> None:
-    """One line per stream and method; the parts of `summarise` side by side."""
-    parts = {(row["stream"], row["method"], row["part"]): row for row in rows}
-    table = []
-    for stream, method in dict.fromkeys((row["stream"], row["method"]) for row in rows):
-        whole, *still = (parts.get((stream, method, part)) for part in ("all", "still", "still, end"))
-        stills = ["" if part is None else f"{part['psnr']:.2f}" for part in still]
-        table.append([stream, method, f"{whole['psnr']:.2f}", f"{whole['ssim']:.3f}", *stills, f"{whole['ms']:.1f}"])
-    columns = ["stream", "method", "PSNR", "SSIM", "still", "last still", "ms"]
-    _print_table(f"{sequence}: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
-
-
-def _constant_text(need) -> str:
-    if need.same_as:
-        return f"same as {need.same_as}"
-    return "constant " + " ".join(f"{value:.4g}" for value in need.constant)
-
-
-def _print_rows(columns: list[str], rows: list[tuple], json_: bool) -> None:
-    if json_:
-        print(json.dumps([dict(zip(columns, row, strict=True)) for row in rows], indent=1))
-    else:
-        _print_table("", columns, rows)
-
-
-def _print_table(title: str, columns: list[str], rows: Iterable[Iterable]) -> None:
-    table = Table(*columns, title=title or None, title_justify="left", show_header=any(columns))
-    for row in rows:
-        table.add_row(*(str(value) for value in row))
-    out_console.print(table, markup=False)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ CONVENTIONS = {
 
 Visibility = Literal["separable_smith", "height_correlated", "schlick_k"]
 RoughnessMapping = Literal["squared", "linear"]
+AntialiasingPattern = Literal["strata", "halton", "qrisp_enhanced"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Stream:
 
     size: (width, height) in pixels. scale: nominal S >= 1. jittered: samples at centre - J instead of the centre.
     mip_bias: added to the texture level that the stream's own pixel asks for. samples: AA samples per pixel for `color`,
-    `emission`, `brdf`, `transparency`, `overlay`.
+    `emission`, `brdf`, `transparency`, `overlay`, and `pattern` where they lie.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Stream:
     jittered: bool = False
     mip_bias: float = 0.0
     samples: int = 1
+    pattern: AntialiasingPattern = "strata"
 
     def effective_scale(self, display: tuple[int, int]) -> tuple[float, float]:
         """Display pixels per pixel of this stream, per axis."""
@@ -82,8 +84,11 @@ def default_mip_bias(scale: float, offset: float = 0.0) -> float:
     return -math.log2(scale) + offset
 
 
-def truth_mip_bias(samples: int) -> float:
-    """-log2(N) / 2 for N samples a pixel: the level whose texels are as far apart as the samples."""
+def truth_mip_bias(samples: int, pattern: AntialiasingPattern = "strata") -> float:
+    """-log2(N) / 2 for N samples a pixel: the level whose texels are as far apart as the samples. QRISP's enhanced truth
+    shades once per pixel of twice the resolution: -1."""
+    if pattern == "qrisp_enhanced":
+        return -1.0
     return 0.0 - 0.5 * math.log2(samples)
 
 

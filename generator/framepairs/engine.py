@@ -6,30 +6,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .backend import dr, mi
-from .brdf import Brdf, brdf_table
+from .brdf import Brdf
+from .brdf_tables import brdf_table
 from .channels import MOTION_CHANNELS
 from .conventions import Stream
 from .frame import FrameState
 from .gbuffer import GBuffer, Pixel, gbuffer, pixel_of
 from .geometry import Pose
 from .jitter import antialiasing_positions, jitter
+from .lights import Lights, lights_around
 from .motion import Before, Motion, motion_of
-from .path_tracing import PathTracer, path_color
+from .path_tracing import path_light, path_seed
 from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
-from .radiance import Lights, Radiance, build_shading, lights_around, shade
+from .radiance import Radiance, shade
 from .scene.description import SceneDescription
+from .shading import build_shading
 
 AVERAGED = ("color", "emission", "brdf", "transparency")
+PATH_CHANNELS = frozenset({"color", "color_variance"})
 
 
 @dataclass(frozen=True)
 class StreamFrame:
-    """One stream of one frame: channel name to array [height, width, components] (float32 or uint32); J in pixels."""
+    """One stream of one frame: channel name to array [height, width, components] (float32 or uint32); J in pixels; and what
+    `path` shading counted."""
 
     stream: Stream
     jitter: tuple[float, float]
     arrays: dict[str, NDArray]
+    fireflies: int = 0
+    rejected_paths: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,8 +60,8 @@ class Engine:
     def __init__(self, scene: SceneDescription, plan: RenderPlan):
         self.scene, self.plan = scene, plan
         model = brdf_model(plan)
-        self.shading = build_shading(scene, Brdf(model, brdf_table(model, plan.brdf_table)))
-        self.path_tracer = PathTracer(scene, plan) if plan.shading == "path" else None
+        self.shading = build_shading(scene, plan, Brdf(model, brdf_table(model, plan.brdf_table)))
+        self._lit = plan.shading == "raster"
         self.passes: dict[str, int] = {"gbuffer": 0, "motion": 0, "dual_motion": 0, "radiance": 0, "path": 0}
 
     def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
@@ -66,19 +73,27 @@ class Engine:
             previous_pose=previous_pose,
             previous_view=view_of(frame.previous_camera, frame.render_origin),
             moves_on=dr.opaque(mi.Bool, not frame.reset),
-            lights=lights_around(self.scene, frame.render_origin),
+            lights=lights_around(self.scene, self.shading.mesh_lights, frame),
         )
         length = jitter_length(self.plan, stream.scale)
         offset = jitter(frame.frame, length) if stream.jittered else (0.0, 0.0)
         columns = self._single_sample(moment, stream, offset, channels)
-        if stream.samples > 1 and channels & set(AVERAGED):
+        if stream.samples > 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
             columns |= self._averaged(moment, stream)
-        if self.path_tracer and "color" in channels:
+        firefly, rejected = mi.Bool(False), mi.UInt32(0)
+        if self.plan.shading == "path" and channels & PATH_CHANNELS:
             self.passes["path"] += 1
-            columns["color"] = path_color(self.path_tracer, frame, moment.view, stream, offset, sequence_seed)
+            _, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
+            seed = path_seed(sequence_seed, frame.frame, stream)
+            found = path_light(
+                self.shading, moment.lights, self.plan, moment.pose, moment.view, pixel, stream, offset, seed
+            )
+            columns |= {"color": columns["emission"] + found.reflected, "color_variance": found.variance}
+            firefly, rejected = found.firefly, found.rejected
         columns = {name: value for name, value in columns.items() if name in channels}
-        dr.eval(columns)
-        return StreamFrame(stream, offset, {name: _to_array(value, stream.size) for name, value in columns.items()})
+        dr.eval(columns, firefly, rejected)  # together: each evaluation by itself would trace all paths again
+        arrays = {name: _to_array(value, stream.size) for name, value in columns.items()}
+        return StreamFrame(stream, offset, arrays, int(dr.count(firefly)[0]), int(dr.sum(rejected)[0]))
 
     def _single_sample(self, moment: _Moment, stream: Stream, offset: tuple[float, float], channels: frozenset[str]) -> dict:
         """Lazily, every channel from one sample per pixel at centre - J."""
@@ -93,10 +108,10 @@ class Engine:
         columns = _gbuffer_columns(sample, mi.UInt32(i))
         if channels & set(MOTION_CHANNELS):
             columns |= self._motion_columns(moment, stream, sample, x, y, size, pixel, channels)
-        if stream.samples == 1 and channels & set(AVERAGED):
+        if stream.samples == 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
             self.passes["radiance"] += 1
             columns |= _radiance_columns(
-                shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample), mi.UInt32(i)
+                shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample, self._lit), mi.UInt32(i)
             )
         return columns
 
@@ -122,17 +137,17 @@ class Engine:
         self.passes["radiance"] += 1
         size, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
         i, j = _pixel_indices(stream)
-        positions = mi.Float(np.array(antialiasing_positions(stream.samples), dtype=np.float32).ravel())
+        positions = mi.Float(np.array(antialiasing_positions(stream.samples, stream.pattern), dtype=np.float32).ravel())
         count = dr.opaque(mi.UInt32, stream.samples)
         k = mi.UInt32(0)
         color, emission, f_beta = mi.Color3f(0), mi.Color3f(0), mi.Color3f(0)
         transparency = mi.Float(0)
-        shading = self.shading
-        while dr.hint(k < count, exclude=[self, shading, moment, pixel, size]):
+        shading, lit = self.shading, self._lit
+        while dr.hint(k < count, exclude=[self, shading, lit, moment, pixel, size]):
             place = dr.gather(mi.Point2f, positions, k)
             x, y = (i + place.x) / size[0], (j + place.y) / size[1]
             sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
-            drawn = shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample)
+            drawn = shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample, lit)
             color += drawn.color
             emission += drawn.emission
             f_beta += drawn.f_beta
@@ -144,7 +159,11 @@ class Engine:
 
 def _size_and_pixel(view: View, stream: Stream, bias: float) -> tuple[tuple[mi.Float, mi.Float], Pixel]:
     size = tuple(dr.opaque(mi.Float, float(extent)) for extent in stream.size)
-    return size, pixel_of(view, size, dr.opaque(mi.Float, bias))
+    if stream.samples == 1:
+        return size, pixel_of(view, size, dr.opaque(mi.Float, bias))
+    # Each of many samples stands for its share of the pixel: its footprint shrinks, taps and all, not its level alone.
+    share = dr.opaque(mi.Float, 2.0**-bias)
+    return size, pixel_of(view, (size[0] * share, size[1] * share), dr.opaque(mi.Float, 0.0))
 
 
 def _pixel_indices(stream: Stream) -> tuple[mi.Float, mi.Float]:
@@ -165,6 +184,7 @@ def _gbuffer_columns(sample: GBuffer, shape: mi.UInt32) -> dict:
         "specular": dr.select(valid, surface.specular, 0),
         "object_id": sample.object_id,
         "overlay": mi.Float(shape) * 0,
+        "color_variance": mi.Color3f(mi.Float(shape) * 0),
     }
 
 

@@ -25,11 +25,14 @@ SH_ROWS = 128  # midpoints over this many rows integrate the nine basis function
 @dataclass(frozen=True)
 class Sky:
     """textures: index 0 is the sky, 1 ... LEVELS - 1 its filtered levels. harmonics: nine RGB coefficients of irradiance
-    / pi in environment axes. rows: environment_from_world."""
+    / pi in environment axes. rows: environment_from_world. brightness: density over the image from which `sample_sky`
+    draws. black: no light comes from the sky."""
 
     textures: TextureTable
     harmonics: tuple[mi.Color3f, ...]
     rows: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]
+    brightness: mi.MarginalContinuous2D0
+    black: bool
 
 
 def build_sky(environment: Environment, model: BrdfModel) -> Sky:
@@ -42,6 +45,8 @@ def build_sky(environment: Environment, model: BrdfModel) -> Sky:
         textures=build_textures((source, *filtered)),
         harmonics=tuple(opaque(mi.Color3f, c) for c in _irradiance_harmonics(environment.texels)),
         rows=tuple(opaque(mi.Vector3f, row) for row in rows),
+        brightness=mi.MarginalContinuous2D0(_brightness(environment.texels)),
+        black=not environment.texels.any(),
     )
 
 
@@ -53,6 +58,26 @@ def sky_radiance(
     moved = (_place(sky, direction + change)[1] - uv for change in (ddx, ddy))
     wrapped = [mi.Vector2f(d.x - dr.round(d.x), d.y) for d in moved]  # across the seam, u jumps by one
     return _rgb(sample_texture(sky.textures, mi.UInt32(0), uv, *wrapped, mi.Float(0), active))
+
+
+def sample_sky(sky: Sky, u: mi.Point2f) -> tuple[mi.Vector3f, mi.Color3f, mi.Float]:
+    """(world direction, radiance [3], density per solid angle) of light drawn by its brightness, with u in [0, 1)^2."""
+    place, _ = sky.brightness.sample(u)
+    theta, azimuth = place.y * dr.pi, (0.5 - place.x) * dr.two_pi
+    sine = dr.sin(theta)
+    local = mi.Vector3f(sine * dr.sin(azimuth), dr.cos(theta), sine * dr.cos(azimuth))
+    direction = sum(sky.rows[k] * local[k] for k in range(3))
+    radiance, density = sky_along(sky, direction, mi.Bool(True))
+    return direction, radiance, density
+
+
+def sky_along(sky: Sky, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
+    """(radiance [3] along a world direction, unfiltered; density per solid angle with which `sample_sky` gives it)."""
+    local, uv = _place(sky, direction)
+    per_area = sky.brightness.eval(mi.Point2f(uv.x, 1 - uv.y), active=active)
+    sine = dr.safe_sqrt(1 - dr.square(local.y))
+    density = per_area / dr.maximum(2 * dr.square(dr.pi) * sine, 1e-6)
+    return _rgb(sample_finest(sky.textures, mi.UInt32(0), uv, active)), density
 
 
 def diffuse_light(sky: Sky, normal: mi.Vector3f) -> mi.Color3f:
@@ -111,13 +136,24 @@ def _lobe_mean(
         cos_h = dr.dot(half, axis)
         light = 2 * cos_h * half - axis
         weight = dr.maximum(dr.dot(axis, light), 0)
-        density = ggx(cos_h, alpha) / 4  # of directions of light, with the view along the normal
+        density = ggx(dr.squared_norm(dr.cross(half, axis)), alpha) / 4  # of light's directions, the view along the normal
         level = 0.5 * dr.log2(1 / (mi.Float(count) * density * texel_angle)) + 1
         texel = sample_level(table, mi.UInt32(0), _uv(light), level, weight > 0)
         total += weight * _rgb(texel)
         weights += weight
         k += 1
     return total / weights
+
+
+def _brightness(texels: np.ndarray) -> np.ndarray:
+    """[rows + 1, columns + 1] at the corners of the texels: mean radiance times the sine of the angle from the pole, and a
+    thousandth of the mean everywhere, so that no direction that shines has density 0."""
+    mean = np.maximum(texels, 0).mean(axis=-1, dtype=np.float64)
+    padded = np.pad(np.pad(mean, ((1, 1), (0, 0)), mode="edge"), ((0, 0), (1, 1)), mode="wrap")
+    corners = (padded[:-1, :-1] + padded[1:, :-1] + padded[:-1, 1:] + padded[1:, 1:]) / 4
+    sine = np.sin(np.arange(len(corners)) / (len(corners) - 1) * np.pi)
+    weighted = corners * sine[:, None]
+    return (weighted + max(1e-3 * float(weighted.mean()), 1e-20)).astype(np.float32)
 
 
 def _irradiance_harmonics(texels: np.ndarray) -> np.ndarray:

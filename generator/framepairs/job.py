@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from .backend import mi, versions
-from .brdf import brdf_table
+from .brdf_tables import brdf_table, table_channel
 from .camera_path import CameraPath
 from .channels import CHANNELS, Channel
 from .conventions import CONVENTIONS, Stream
@@ -53,7 +53,7 @@ class Job:
 
     @cached_property
     def needs(self) -> dict[str, Need]:
-        return channel_needs(self.scene, self.shoot.samples)
+        return channel_needs(self.scene, self.shoot.samples, self.plan)
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
@@ -131,14 +131,11 @@ def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add
 
 
 def _table(job: Job) -> tuple[TableRecord, bytes]:
-    model = job.plan.brdf_model
-    channel = Channel(
-        name="brdf_table", exr=("A", "B"), dtype="float", unit="1", frame_of_reference="none", needed_by="",
-        meaning=f"{model}: specular albedo = F0 A + B; column x: n.v = (x / (size - 1))^2, row y: roughness = y / (size - 1)",
-    )
-    encoded = encode(channel, brdf_table(brdf_model(job.plan), job.plan.brdf_table).numpy(), attributes={})
-    path = f"tables/brdf_{model}.exr"
-    return TableRecord(model=model, path=path, sha256=encoded.sha256, axes=channel.meaning), encoded.data
+    model = brdf_model(job.plan)
+    channel = table_channel(model)
+    encoded = encode(channel, brdf_table(model, job.plan.brdf_table).numpy(), attributes={})
+    path = f"tables/brdf_{model.visibility}.exr"
+    return TableRecord(model=model.visibility, path=path, sha256=encoded.sha256, axes=channel.meaning), encoded.data
 
 
 def _sequence_record(job: Job) -> SequenceRecord:

@@ -45,6 +45,8 @@ class StreamRecord(_Model):
     jitter: tuple[float, float] = Field(description="J in pixels of this stream, y down: pixels sample centre - J")
     mip_bias: float = Field(description="levels added to what the stream's own pixel asks for; in hr, averaged channels only")
     saturated: int = Field(description="values cut to the largest half float")
+    fireflies: int = Field(0, description="pixels that owe more than half of their light to one of at least 8 light paths")
+    rejected_paths: int = Field(0, description="light paths that were not finite and count as black")
 
 
 class FileRecord(_Model):

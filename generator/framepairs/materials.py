@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backend import dr, mi
-from .scene.description import IDENTITY_UV, Material, SceneDescription, Slot
-from .textures import TextureTable, build_textures, sample_texture
+from .brdf import alpha_of, roughness_of
+from .conventions import BrdfModel
+from .mip_pyramids import COLOR, NORMAL, Role
+from .scene.description import IDENTITY_UV, Material, SceneDescription, Slot, Texture
+from .textures import TextureSettings, TextureTable, build_textures, sample_normal, sample_texture
 
 SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
 CONSTANTS = 16  # floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, 4 free
@@ -17,7 +20,8 @@ NO_TEXTURE = 0xFFFFFFFF
 @dataclass(frozen=True)
 class MaterialTable:
     """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. uv: [24 M], a 2x3 matrix per slot. used: the slots
-    that any material fills. masks, blends, moves_uv (has a uv transform): whether any material does."""
+    that any material fills. masks, blends, moves_uv (has a uv transform): whether any material does. model: what roughness
+    means. normal_variance: whether what filtered normal maps lost becomes roughness."""
 
     constants: mi.Float
     alpha: mi.UInt32
@@ -28,6 +32,8 @@ class MaterialTable:
     masks: bool
     blends: bool
     moves_uv: bool
+    model: BrdfModel
+    normal_variance: bool
 
 
 @dataclass(frozen=True)
@@ -52,19 +58,26 @@ class Surface:
     tangent_normal: mi.Vector3f
 
 
-def build_materials(scene: SceneDescription) -> MaterialTable:
+def build_materials(
+    scene: SceneDescription, model: BrdfModel | None = None, settings: TextureSettings | None = None
+) -> MaterialTable:
+    """The scene's materials, and a pyramid for each of their textures in each role that it plays."""
+    model, settings = model or BrdfModel(), settings or TextureSettings()
     materials = scene.materials or (Material(name="default"),)
     slots = [[getattr(material, name) for name in SLOTS] for material in materials]
+    indices, pairs = _pyramids(scene, materials, settings)
     return MaterialTable(
         constants=mi.Float(np.array([_constants(material) for material in materials], dtype=np.float32).ravel()),
         alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
-        slots=mi.UInt32(np.array([[_texture_index(s) for s in row] for row in slots], dtype=np.uint32).ravel()),
+        slots=mi.UInt32(np.array(indices, dtype=np.uint32)),
         uv=mi.Float(np.array([[(s or Slot(texture=0)).uv for s in row] for row in slots], dtype=np.float32).ravel()),
-        textures=build_textures(scene.textures),
+        textures=build_textures([texture for texture, _ in pairs], [role for _, role in pairs], settings.anisotropy),
         used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
         masks=any(material.alpha == "mask" for material in materials),
         blends=any(material.alpha == "blend" for material in materials),
         moves_uv=any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
+        model=model,
+        normal_variance=settings.normal_variance,
     )
 
 
@@ -88,23 +101,39 @@ def is_blended(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi
 
 
 def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> Surface:
-    """The material's values; base colour, roughness, metallic and specular are clamped to [0, 1]."""
+    """The material's values; base colour, roughness, metallic and specular are clamped to [0, 1].
+
+    Roughness grows by what the filtered normal map lost, so that a bumpy surface far away shines as its bumps together do.
+    """
     c0, c1, c2 = (dr.gather(mi.Vector4f, table.constants, material * 4 + k, active) for k in range(3))
     base = _slot(table, "base_texture", material, footprint, active)
     packed = _slot(table, "surface_texture", material, footprint, active)
     emission = _slot(table, "emission_texture", material, footprint, active)
+    roughness = dr.clip(c1.y * packed.y, 0, 1)
     normal = mi.Vector3f(0, 0, 1)
     if "normal_texture" in table.used:
-        texel = _slot(table, "normal_texture", material, footprint, active, otherwise=mi.Vector4f(0, 0, 1, 1))
+        texel = _slot(table, "normal_texture", material, footprint, active, otherwise=mi.Vector4f(0, 0, 1, 0))
         normal = mi.Vector3f(texel.x * c2.w, texel.y * c2.w, texel.z)
+        if table.normal_variance:
+            roughness = roughened(table.model, roughness, texel.w * dr.square(c2.w))
     return Surface(
         base_color=mi.Color3f(*(dr.clip(c0[k] * base[k], 0, 1) for k in range(3))),
         specular=dr.clip(c1.x * packed.x, 0, 1),
-        roughness=dr.clip(c1.y * packed.y, 0, 1),
+        roughness=roughness,
         metallic=dr.clip(c1.z * packed.z, 0, 1),
         emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k], 0) for k in range(3))),
         tangent_normal=normal,
     )
+
+
+def roughened(model: BrdfModel, roughness: mi.Float, variance: mi.Float) -> mi.Float:
+    """Perceptual roughness of a surface whose normals vary within the pixel by a slope `variance` >= 0.
+
+    Toksvig (2005) takes the Blinn-Phong exponent s to s' = f s with f = L / (L + s (1 - L)) for a mean normal of length L, so
+    1 / s' = 1 / s + variance with variance = (1 - L) / L; with alpha^2 = 2 / s, alpha'^2 = alpha^2 + 2 variance, at most 1.
+    """
+    squared = dr.square(alpha_of(model, roughness)) + 2 * variance
+    return dr.select(variance > 0, roughness_of(model, dr.sqrt(dr.minimum(squared, 1))), roughness)
 
 
 @dr.syntax
@@ -126,13 +155,14 @@ def _slot(
         texture = dr.gather(mi.UInt32, table.slots, place, active)
         filled = active & (texture != NO_TEXTURE)
         if dr.hint(filled, exclude=[table, footprint, name, otherwise]):
-            texel = _sampled(table, texture, place, footprint, filled)
+            texel = _sampled(table, texture, place, footprint, filled, name == "normal_texture")
     return texel
 
 
 def _sampled(
-    table: MaterialTable, texture: mi.UInt32, place: mi.UInt32, footprint: Footprint, filled: mi.Bool
+    table: MaterialTable, texture: mi.UInt32, place: mi.UInt32, footprint: Footprint, filled: mi.Bool, normals: bool
 ) -> mi.Vector4f:
+    sample = sample_normal if normals else sample_texture
     uv, duv_dx, duv_dy = footprint.uv, footprint.duv_dx, footprint.duv_dy
     if table.moves_uv:
         u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
@@ -141,11 +171,34 @@ def _sampled(
             return mi.Vector2f(u.x * vector.x + u.y * vector.y, v.x * vector.x + v.y * vector.y)
 
         uv, duv_dx, duv_dy = mi.Point2f(linear(uv) + mi.Vector2f(u.z, v.z)), linear(duv_dx), linear(duv_dy)
-    return sample_texture(table.textures, texture, uv, duv_dx, duv_dy, footprint.bias, filled)
+    return sample(table.textures, texture, uv, duv_dx, duv_dy, footprint.bias, filled)
 
 
-def _texture_index(slot: Slot | None) -> int:
-    return NO_TEXTURE if slot is None else slot.texture
+def _pyramids(
+    scene: SceneDescription, materials: tuple[Material, ...], settings: TextureSettings
+) -> tuple[list[int], list[tuple[Texture, Role]]]:
+    """For each slot of each material its pyramid's index, and the pyramids; equal ones are one."""
+    indices, pairs, known = [], [], {}
+    for material in materials:
+        for name in SLOTS:
+            slot = getattr(material, name)
+            if slot is None:
+                indices.append(NO_TEXTURE)
+                continue
+            texture, role = scene.textures[slot.texture], _role(material, name, settings)
+            key = (id(texture.texels), texture.srgb, texture.wrap, texture.scale, texture.bias, role)
+            if key not in known:
+                known[key] = len(pairs)
+                pairs.append((texture, role))
+            indices.append(known[key])
+    return indices, pairs
+
+
+def _role(material: Material, slot: str, settings: TextureSettings) -> Role:
+    if slot == "normal_texture":
+        return NORMAL
+    masked = slot == "base_texture" and material.alpha == "mask" and settings.mask_coverage and material.opacity > 0
+    return Role("mask", material.alpha_cutoff / material.opacity) if masked else COLOR
 
 
 def _constants(material: Material) -> list[float]:

@@ -1,208 +1,182 @@
-"""`path` shading: Mitsuba's path tracer from primary rays that are fixed where a rasteriser would sample.
+"""`path` shading: the light that a raster pixel's surface reflects, estimated by path tracing from that surface.
 
-Textures are bilinear without mips, so a stream's mip bias does not reach them. Mitsuba sees the scene enlarged by a power
-of two (exact in float32), because it lifts rays off surfaces by 1e-4 of its units at least.
+The primary surface is the G-buffer's: fixed at the jittered place (LR) or at the AA positions (HR), with the texture levels of
+the stream. So the frame is aliased like a rasterised one and only its light converges. Surfaces met later have no footprint
+and read their finest texels. Lights and BRDF lobes are drawn in turn and weighted by the balance heuristic (Veach and Guibas
+1995). Diffuse and specular may reflect more than arrives at grazing angles (the papers' model); `max_depth` bounds that.
 """
 
 import hashlib
-import math
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .backend import dr, mi, opaque
+from .brdf import sample
 from .conventions import Stream
-from .frame import FrameState
-from .gbuffer import camera_ray
+from .environment import sky_radiance
+from .gbuffer import GBuffer, Pixel, camera_ray, describe_hit, gbuffer
+from .geometry import Pose
 from .jitter import antialiasing_positions
-from .path_materials import MitsubaSurface
+from .lights import Lights
+from .path_steps import (
+    World,
+    density_at,
+    evaluate_at,
+    finest_pixel,
+    from_lights,
+    is_above,
+    met_light,
+    next_surface,
+    point_of,
+)
 from .plan import RenderPlan
 from .projection import View
-from .scene.description import Environment, Light, Material, Mesh, SceneDescription, scene_bounds
+from .shading import Shading, lifted
 
-LEAST_EXTENT = 16.0  # of the enlarged scene, in its units
-
-
-class PathTracer:
-    """A scene in Mitsuba's form, posed for any FrameState.
-
-    Every object is a mesh of its own: Mitsuba's `ray_intersect` slows down with the number of instances. What was last
-    uploaded is remembered only so as not to upload it again.
-    """
-
-    def __init__(self, scene: SceneDescription, plan: RenderPlan):
-        self.plan, self._description = plan, scene
-        low, high = scene_bounds(scene)
-        extent = float((high - low).max()) or LEAST_EXTENT
-        self.scale = 2.0 ** max(0, math.ceil(math.log2(LEAST_EXTENT / extent)))
-        # `path` lets no light of point, spot and directional lights through the holes of masked surfaces; `volpath` does
-        layered = any(material.alpha != "opaque" for material in scene.materials)
-        self.integrator = mi.load_dict({"type": "volpath" if layered else "path", "max_depth": plan.max_depth})
-        self._lamps = [(light, _Lamp(light, self.scale)) for light in scene.lights if light.kind != "directional"]
-        surfaces = [MitsubaSurface(scene, material) for material in scene.materials or (Material(name="default"),)]
-        shapes = {
-            index: surfaces[item.material].on(scene.meshes[item.mesh])
-            for index, item in enumerate(scene.objects)
-            if len(scene.meshes[item.mesh].faces)
-        }
-        lights = [lamp for _, lamp in self._lamps] + _distant_lights(scene)
-        named = {f"object_{k}": v for k, v in shapes.items()} | {f"light_{k}": v for k, v in enumerate(lights)}
-        self._scene = mi.load_dict({"type": "scene", **named})
-        self._parameters = mi.traverse(self._scene)
-        self._flat = {k: mi.traverse(v.emitter().flat) for k, v in shapes.items() if v.is_emitter()}
-        self._posed: dict[int, bytes] = dict.fromkeys(shapes, b"")
-
-    def pose(self, frame: FrameState) -> mi.Scene:
-        """The scene at `frame`, around its render origin and enlarged."""
-        for light, lamp in self._lamps:
-            lamp.place((np.array(light.position) - frame.render_origin) * self.scale)
-        changed = False
-        for index, before in self._posed.items():
-            matrix = frame.world_from_object[index, :3].copy()
-            matrix[:, 3] -= frame.render_origin
-            matrix = (matrix * self.scale).astype(np.float32)  # rounded like the G-buffer's
-            if matrix.tobytes() != before:
-                self._move(index, matrix.astype(np.float64))
-                self._posed[index], changed = matrix.tobytes(), True
-        if changed:
-            self._parameters.update()
-        return self._scene
-
-    def _move(self, index: int, matrix: NDArray[np.float64]) -> None:
-        mesh = self._description.meshes[self._description.objects[index].mesh]
-        places = mesh.positions.astype(np.float64) @ matrix[:, :3].T + matrix[:, 3]
-        positions = mi.Float(places.astype(np.float32).ravel())
-        self._parameters[f"object_{index}.vertex_positions"] = positions
-        if mesh.normals is not None:  # in the same update as the positions, or Mitsuba makes up its own
-            normals = _normals(mesh, matrix[:, :3], places)
-            self._parameters[f"object_{index}.vertex_normals"] = mi.Float(normals.astype(np.float32).ravel())
-        if index in self._flat:
-            self._flat[index]["vertex_positions"] = positions
-            self._flat[index].update()
+SURE_DEPTH = 5  # edges before Russian roulette begins
 
 
-def path_color(
-    tracer: PathTracer, frame: FrameState, view: View, stream: Stream, jitter: tuple[float, float], seed: int
-) -> mi.Color3f:
-    """Radiance [3] per pixel, row-major, linear Rec. 709: the mean over plan.samples_per_pixel light paths.
+@dataclass(frozen=True)
+class PathLight:
+    """Per pixel. reflected: radiance [3] beyond the `emission` of the opaque surface or sky: colour is their sum. variance:
+    [3], of that mean, 0 for a single path. firefly: one light path brings more than half of the sum. rejected: paths that
+    were not finite."""
 
-    Primary rays are fixed: at pixel centre - `jitter` (pixels, y down) where the stream has one sample a pixel, else at
-    its anti-aliasing positions, which share the light paths (one each at least). Samples that are not finite count as 0;
-    bright ones are not clamped. `seed`, the frame's number and the stream decide all random numbers.
+    reflected: mi.Color3f
+    variance: mi.Color3f
+    firefly: mi.Bool
+    rejected: mi.UInt32
+
+
+def path_light(
+    shading: Shading,
+    lights: Lights,
+    plan: RenderPlan,
+    pose: Pose,
+    view: View,
+    pixel: Pixel,
+    stream: Stream,
+    jitter: tuple[float, float],
+    seed: int,
+) -> PathLight:
+    """The mean over plan.samples_per_pixel light paths per pixel, row-major.
+
+    HR's AA positions share them (at least one each). `seed` decides all random numbers: see `path_seed`.
     """
     width, height = stream.size
     index, columns = dr.arange(mi.UInt32, width * height), dr.opaque(mi.UInt32, width)
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(dr.opaque(mi.UInt32, _seed(seed, frame.frame, stream)), width * height)
-    paths = max(1, tracer.plan.samples_per_pixel // stream.samples)
-    return _mean_radiance(
-        tracer.integrator,
-        tracer.pose(frame),
-        sampler,
-        (view, dr.opaque(mi.Float, tracer.scale)),
-        corner=mi.Vector2f(mi.Float(index % columns), mi.Float(index // columns)),
-        inside=mi.Float(np.array(antialiasing_positions(stream.samples), dtype=np.float32).ravel()),
-        jitter=opaque(mi.Vector2f, jitter),
-        size=opaque(mi.Vector2f, stream.size),
-        paths=dr.opaque(mi.UInt32, paths),
-        count=dr.opaque(mi.UInt32, paths * stream.samples),
-    )
+    paths = max(1, plan.samples_per_pixel // stream.samples)
+    # Optimising a loop records it twice, and loops here are nested six deep.
+    with dr.scoped_set_flag(dr.JitFlag.OptimizeLoops, False):
+        mean, variance, largest, total, rejected = _means(
+            World(shading, lights, pose, pixel, dr.opaque(mi.UInt32, plan.max_depth)),
+            view,
+            random_numbers(index, seed),
+            corner=mi.Vector2f(mi.Float(index % columns), mi.Float(index // columns)),
+            inside=mi.Float(np.array(antialiasing_positions(stream.samples, stream.pattern), dtype=np.float32).ravel()),
+            jitter=opaque(mi.Vector2f, jitter),
+            size=opaque(mi.Vector2f, stream.size),
+            places=dr.opaque(mi.UInt32, stream.samples),
+            paths=dr.opaque(mi.UInt32, paths),
+            limit=dr.opaque(mi.Float, plan.clamp_radiance or float("inf")),
+        )
+    enough = paths * stream.samples >= 8
+    return PathLight(mean, variance, (2 * largest > total) & (total > 0) & enough, rejected)
 
 
-@dr.syntax
-def _mean_radiance(integrator, scene, sampler, camera, corner, inside, jitter, size, paths, count) -> mi.Color3f:
-    """A loop and no film, so that a pixel's samples are summed in one order: equal calls give equal bytes."""
-    total, k = mi.Color3f(0), mi.UInt32(0)
-    while dr.hint(k < count, exclude=[integrator, scene, camera, corner, inside, jitter, size, paths, count]):
-        place = (corner + dr.gather(mi.Vector2f, inside, k // paths) - jitter) / size
-        radiance, _, _ = integrator.sample(scene, sampler, _unit_ray(*camera, place))
-        total += dr.select(dr.all(dr.isfinite(radiance)), radiance, 0)
-        k += 1
-    return total / mi.Float(count)
-
-
-def _unit_ray(view: View, scale: mi.Float, place: mi.Vector2f) -> mi.RayDifferential3f:
-    """From the near to the far plane of the enlarged scene, through fraction `place` of the frame."""
-    along_z = camera_ray(view, place.x, place.y)
-    length = dr.norm(along_z.d)
-    ray = mi.RayDifferential3f(scale * (along_z.o + view.near * along_z.d), along_z.d / length)
-    ray.maxt = scale * (view.far - view.near) * length
-    return ray
-
-
-def _seed(seed: int, frame: int, stream: Stream) -> int:
-    """32 bits."""
+def path_seed(seed: int, frame: int, stream: Stream) -> int:
+    """32 bits from the sequence's seed, the frame's number and the stream."""
     text = f"{seed} {frame} {stream.name} {stream.size[0]}x{stream.size[1]}"
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "little")
 
 
-def _normals(mesh: Mesh, linear: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit normals [V, 3] under a linear map; where one vanishes, its triangles' normals stand in."""
-    a, b, c = linear
-    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) * np.sign(np.linalg.det(linear))
-    normals = mesh.normals.astype(np.float64) @ cofactor.T
-    gone = ~normals.any(axis=1)
-    if gone.any():
-        p0, p1, p2 = (places[mesh.faces[:, k]] for k in range(3))
-        sums = np.zeros_like(normals)
-        np.add.at(sums, mesh.faces, np.cross(p1 - p0, p2 - p0)[:, None])
-        normals[gone] = sums[gone]
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(lengths > 0, lengths, 1)
+def random_numbers(index: mi.UInt32, seed: int) -> mi.PCG32:
+    """A generator per pixel `index`. The pixels are scrambled (Zafar et al. 2010): PCG's neighbouring sequences resemble
+    each other."""
+    state, sequence = mi.sample_tea_32(dr.opaque(mi.UInt32, seed), index)
+    return mi.PCG32(1, mi.UInt64(state), mi.UInt64(sequence))
 
 
-class _Lamp(mi.Emitter):
-    """A point or spot light; its cone fades as in `raster`, linearly in the cosine (Mitsuba's: in the angle)."""
+@dr.syntax
+def _means(world: World, view, rng, corner, inside, jitter, size, places, paths, limit):
+    """(mean [3], its variance [3], luminance of the brightest path, sum of luminances, number of rejected paths).
 
-    def __init__(self, light: Light, scale: float):
-        super().__init__(mi.Properties())
-        self.m_flags = mi.EmitterFlags.DeltaPosition
-        self.intensity = opaque(mi.Color3f, np.array(light.radiance) * scale**2)
-        self.aim = opaque(mi.Vector3f, light.direction)
-        inner, outer = light.cone if light.kind == "spot" else (-2, -3)
-        self.outer, self.width = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, max(inner - outer, 1e-4))
-        self.place(np.zeros(3))
-
-    def place(self, position: NDArray[np.float64]) -> None:
-        """`position` [3] in the enlarged scene."""
-        self.position = opaque(mi.Point3f, position)
-
-    def sample_direction(self, it, sample, active=True):
-        ds = dr.zeros(mi.DirectionSample3f, dr.width(it))
-        ds.p, ds.pdf, ds.delta, ds.emitter = self.position, 1, True, mi.EmitterPtr(self)
-        ds.d = self.position - it.p
-        ds.dist = dr.norm(ds.d)
-        ds.d /= ds.dist
-        cone = dr.clip((-dr.dot(ds.d, self.aim) - self.outer) / self.width, 0, 1)
-        return ds, self.intensity * cone / dr.square(ds.dist)
-
-    def pdf_direction(self, it, ds, active=True):
-        return mi.Float(0)
-
-    def eval(self, si, active=True):
-        return mi.Color3f(0)
-
-
-def _distant_lights(scene: SceneDescription) -> list[dict]:
-    suns = [light for light in scene.lights if light.kind == "directional"]
-    lights = [
-        {
-            "type": "directional",
-            "direction": list(sun.direction),
-            "irradiance": {"type": "rgb", "value": list(sun.radiance)},
-        }
-        for sun in suns
-    ]
-    return lights + ([_sky(scene.environment)] if scene.environment and scene.environment.texels.any() else [])
+    A loop and no film, so that a pixel's paths are summed in one order: equal calls give equal bytes. The variance is that
+    within the AA positions, where each has more than one path; else that over all paths, which is an upper bound.
+    """
+    shading, pose, pixel = world.shading, world.pose, world.pixel
+    total, within, largest, bright = mi.Color3f(0), mi.Color3f(0), mi.Float(0), mi.Float(0)
+    mean, spread, seen = mi.Color3f(0), mi.Color3f(0), mi.Float(0)
+    rejected, place_index = mi.UInt32(0), mi.UInt32(0)
+    one_each = paths == 1
+    while dr.hint(place_index < places, exclude=[world, shading, pose, pixel, view, inside, jitter, size, paths, limit]):
+        place = (corner + dr.gather(mi.Vector2f, inside, place_index) - jitter) / size
+        ray = camera_ray(view, place.x, place.y)
+        first = gbuffer(shading.geometry, shading.materials, shading.brdf, pose, view, place.x, place.y, pixel)
+        mean, spread, seen = (
+            dr.select(one_each, mean, 0),
+            dr.select(one_each, spread, 0),
+            dr.select(one_each, seen, 0),
+        )
+        k = mi.UInt32(0)
+        while dr.hint(k < paths, exclude=[world, shading, pose, pixel, view, first, ray, paths, limit]):
+            value = _one_path(world, view, first, ray, rng)
+            finite = dr.all(dr.isfinite(value))
+            rejected += dr.select(finite, mi.UInt32(0), 1)
+            value = dr.select(finite, value, 0)
+            brightness = mi.luminance(value)
+            value *= dr.minimum(1, limit / dr.maximum(brightness, 1e-30))
+            brightness = dr.minimum(brightness, limit)
+            largest, bright = dr.maximum(largest, brightness), bright + brightness
+            total += value
+            seen += 1
+            step = value - mean
+            mean += step / seen
+            spread += step * (value - mean)
+            k += 1
+        within += dr.select(one_each, 0, spread / dr.maximum(seen - 1, 1) / seen)
+        place_index += 1
+    n, groups = mi.Float(paths * places), mi.Float(places)
+    over_all = spread / dr.maximum(seen - 1, 1) / dr.maximum(seen, 1)
+    return total / n, dr.select(one_each, over_all, within / dr.square(groups)), largest, bright, rejected
 
 
-def _sky(environment: Environment) -> dict:
-    """Mitsuba's first and last rows lie on the poles: with means between our rows it interpolates as we do."""
-    texels = np.maximum(environment.texels, 0)
-    texels = texels.repeat(2, axis=1) if texels.shape[1] == 1 else texels
-    rows = np.repeat(texels, 2, axis=0)
-    rows = np.concatenate([texels[:1], rows])
-    rows[2:-1:2] = (texels[1:] + texels[:-1]) / 2
-    matrix = np.eye(4)
-    matrix[:3, :3] = environment.world_from_environment
-    return {"type": "envmap", "bitmap": mi.Bitmap(rows.astype(np.float32)), "to_world": mi.ScalarTransform4f(matrix)}
+@dr.syntax
+def _one_path(world: World, view: View, first: GBuffer, ray: mi.Ray3f, rng: mi.PCG32) -> mi.Color3f:
+    """Radiance [3] of one path beyond what the opaque surface (or the sky) emits itself."""
+    shading, lights, pose, pixel = world.shading, world.lights, world.pose, world.pixel
+    model, light = shading.brdf.model, mi.Color3f(0)
+    start = first
+    if dr.hint(shading.materials.blends, mode="scalar"):
+        hit, _ = next_surface(shading, pose, ray, pixel, mi.Float(view.near), rng, mi.Bool(True))
+        start = describe_hit(shading.geometry, shading.materials, shading.brdf, pose, view, ray, hit, pixel)
+        sky = sky_radiance(shading.sky, ray.d, pixel.ddx, pixel.ddy, ~first.hit.valid)
+        light = dr.select(start.hit.valid, start.surface.emission, sky)
+        light -= dr.select(first.hit.valid, first.surface.emission, sky)
+    point = point_of(start, dr.select(start.hit.valid, start.depth, 0))
+    throughput, depth = mi.Color3f(1), mi.UInt32(1)
+    active = mi.Bool(start.hit.valid)
+    while dr.hint(
+        active & (depth < world.max_depth), exclude=[world, shading, lights, pose, pixel, view, first, start, ray, model]
+    ):
+        light += throughput * from_lights(world, point, rng, active)
+        chosen = mi.Float(rng.next_float32())
+        drawn = mi.Point2f(rng.next_float32(), rng.next_float32())
+        towards = sample(
+            model, point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, chosen, drawn
+        )
+        chance = density_at(model, point, towards)
+        active &= (chance > 0) & is_above(point, towards)
+        throughput *= dr.select(active, evaluate_at(model, point, towards) / dr.maximum(chance, 1e-30), 0)
+        onward = lifted(point.position, point.geometric, towards, point.distance)
+        hit, distance = next_surface(shading, pose, onward, None, mi.Float(0), rng, active)
+        following = describe_hit(shading.geometry, shading.materials, shading.brdf, pose, view, onward, hit, finest_pixel())
+        light += throughput * met_light(world, onward, hit, distance, following.surface.emission, chance, active)
+        active &= hit.valid
+        point = point_of(following, dr.maximum(point.distance, dr.select(active, distance, 0)))
+        depth += 1
+        survival = dr.select(depth > SURE_DEPTH, dr.clip(dr.max(throughput), 0.05, 0.95), 1)
+        active &= (rng.next_float32() < survival) & (dr.max(throughput) > 0)
+        throughput /= survival
+    return light

@@ -86,7 +86,7 @@ def _submit(job: Job, engine: Engine, writers: ThreadPoolExecutor, folder: Path,
     seed = int(hashlib.sha256(f"{job.plan.seed} {job.sequence}".encode()).hexdigest()[:8], 16)
     rendered = engine.render(state, stream, names, seed)
     files = [writers.submit(_write_channel, job, folder, state.frame, rendered, channel) for channel in job.channels]
-    return rendered.stream, rendered.jitter, files
+    return rendered, files
 
 
 def _write_channel(
@@ -110,16 +110,19 @@ def _finish(job: Job, folder: Path, state: FrameState, before: FrameRecord | Non
     streams = dict(before.streams) if before else {}
     files = list(before.files) if before else []
     fresh = 0
-    for stream, jitter, futures in jobs:
+    for rendered, futures in jobs:
+        stream = rendered.stream
         written: list[tuple[FileRecord, int]] = [future.result() for future in futures]
         files += [record for record, _ in written]
         fresh += sum(record.size for record, _ in written)
         streams[stream.name] = StreamRecord(
             size=stream.size,
             scale=stream.effective_scale(job.plan.display),
-            jitter=jitter,
+            jitter=rendered.jitter,
             mip_bias=stream.mip_bias,
             saturated=sum(saturated for _, saturated in written),
+            fireflies=rendered.fireflies,
+            rejected_paths=rendered.rejected_paths,
         )
     record = FrameRecord(
         frame=state.frame,

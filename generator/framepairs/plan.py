@@ -1,6 +1,7 @@
 """The render plan: every decision about a corpus, read from options or a file, resolved, stored, and runnable again."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from .channels import CHANNEL
 from .conventions import (
+    AntialiasingPattern,
     BrdfModel,
     RoughnessMapping,
     Stream,
@@ -18,7 +20,7 @@ from .conventions import (
     truth_mip_bias,
 )
 from .errors import InputError
-from .jitter import default_length
+from .jitter import ENHANCED_SAMPLES, default_length
 
 Scale = Annotated[float, Field(ge=1, le=64, allow_inf_nan=False)]
 Extent = Annotated[int, Field(ge=1, le=16384)]
@@ -35,21 +37,48 @@ class RenderPlan(BaseModel):
     scales: tuple[Scale, ...] = Field((2.0,), description="scale factors of the LR streams, each >= 1")
     variants: tuple[LrVariant, ...] = Field(("native", "jittered_mip"), description="LR streams per scale")
     hr_native: bool = Field(False, description="add the stream hr_native: one sample per pixel, all channels")
+    hr_mip0: bool = Field(False, description="add the stream hr_mip0: the truth at mip bias 0, to which unbiased LR converges")
     shading: Literal["raster", "path"] = Field("raster", description="noise-free raster shading or path tracing")
     antialiasing: Annotated[int, Field(ge=1, le=4096)] = Field(16, description="samples per pixel of the HR truth")
+    antialiasing_pattern: AntialiasingPattern = Field(
+        "strata", description="where these lie; qrisp_enhanced: 8 samples in each quarter of the pixel"
+    )
     samples_per_pixel: Annotated[int, Field(ge=1, le=65536)] = Field(64, description="light paths per pixel (path)")
+    clamp_radiance: Annotated[float, Field(gt=0)] | None = Field(
+        None, description="luminance to which a light path is limited (path); null: none is"
+    )
     max_depth: Annotated[int, Field(ge=1, le=64)] = Field(6, description="longest light path, in edges (path)")
+    light_samples: Annotated[int, Field(ge=1, le=1024)] = Field(16, description="points per light with an extent (raster)")
+    mesh_lights: bool = Field(False, description="emissive objects light others in raster, too (in path they always do)")
+    ambient_occlusion: Annotated[int, Field(ge=0, le=1024)] = Field(0, description="rays per sample (raster); 0: none")
+    ambient_occlusion_radius_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
+        1.0, description="metres within which ambient light is occluded"
+    )
     jitter_length: Annotated[int, Field(ge=1)] | None = Field(
         None, description="length of the Halton sequence; null: int(8 S^2)"
     )
+    anisotropy: Annotated[int, Field(ge=1, le=16)] = Field(16, description="most taps of a texture look-up; 1: trilinear")
+    normal_variance: bool = Field(True, description="what a filtered normal map lost in length becomes roughness (Toksvig)")
+    mask_coverage: bool = Field(True, description="coarse levels of alpha masks keep the finest level's coverage")
     mip_bias_offset: Annotated[float, Field(ge=-8, le=8)] = Field(0.0, description="added to -log2(S)")
     brdf_model: Visibility = Field("separable_smith", description="Smith term of the model that shades and its table")
     roughness_mapping: RoughnessMapping = Field("squared", description="alpha of a roughness r: r^2 or r")
     brdf_table: Annotated[int, Field(ge=8, le=2048)] = Field(512, description="nodes per axis of the A, B table")
-    brdf_floor: Annotated[float, Field(gt=0, le=1)] = Field(1e-3, description="floor of F_beta when demodulating")
+    demodulation: Literal["max", "softplus"] = Field("max", description="how F_beta is kept above 0 in a divisor")
+    brdf_floor: Annotated[float, Field(gt=0, le=1)] = Field(1e-3, description="max: the least F_beta to divide by")
+    softplus_beta: Annotated[float, Field(gt=0, le=1e6)] = Field(
+        100.0, description="softplus: divide by log(1 + exp(beta F_beta)) / beta (FuseSR: 100)"
+    )
     channels: Literal["needed", "all"] | tuple[str, ...] = Field("needed", description="which channels are files")
     color_precision: Literal["half", "float"] = Field("half", description="dtype of colour, emission and brdf")
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="seed of the light paths (path)")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _enhanced_has_its_own_count(cls, values):
+        if isinstance(values, dict) and values.get("antialiasing_pattern") == "qrisp_enhanced":
+            return {"antialiasing": ENHANCED_SAMPLES} | values
+        return values
 
     @model_validator(mode="after")
     def _consistent(self) -> "RenderPlan":
@@ -60,6 +89,8 @@ class RenderPlan(BaseModel):
         for what, values in (("scales", self.scales), ("variants", self.variants)):
             if len(set(values)) != len(values):
                 raise ValueError(f"{what}: {values} names one value twice")
+        if self.antialiasing_pattern == "qrisp_enhanced" and self.antialiasing != ENHANCED_SAMPLES:
+            raise ValueError(f"antialiasing: qrisp_enhanced has {ENHANCED_SAMPLES} samples, not {self.antialiasing}")
         names = [stream.name for stream in plan_streams(self)]
         twins = sorted({name for name in names if names.count(name) > 1})
         if twins:
@@ -68,7 +99,7 @@ class RenderPlan(BaseModel):
 
 
 # Keys that say which streams exist; all others decide the pixels of every stream.
-STREAM_KEYS = frozenset({"scales", "variants", "hr_native"})
+STREAM_KEYS = frozenset({"scales", "variants", "hr_native", "hr_mip0"})
 
 
 def make_plan(values: dict, *, file: str | Path | None = None) -> RenderPlan:
@@ -98,11 +129,12 @@ def read_plan(file: Path) -> dict:
 
 def plan_streams(plan: RenderPlan) -> tuple[Stream, ...]:
     """The streams of a plan, HR first."""
-    truth = Stream(
-        name="hr", size=plan.display, samples=plan.antialiasing, mip_bias=truth_mip_bias(plan.antialiasing)
-    )
-    native = [Stream(name="hr_native", size=plan.display)] if plan.hr_native else []
-    return (truth, *native, *(_lr_stream(plan, scale, variant) for scale in plan.scales for variant in plan.variants))
+    samples, pattern = plan.antialiasing, plan.antialiasing_pattern
+    bias = truth_mip_bias(samples, pattern)
+    truth = Stream(name="hr", size=plan.display, samples=samples, mip_bias=bias, pattern=pattern)
+    others = [Stream(name="hr_native", size=plan.display)] if plan.hr_native else []
+    others += [replace(truth, name="hr_mip0", mip_bias=0.0)] if plan.hr_mip0 else []
+    return (truth, *others, *(_lr_stream(plan, scale, variant) for scale in plan.scales for variant in plan.variants))
 
 
 def brdf_model(plan: RenderPlan) -> BrdfModel:

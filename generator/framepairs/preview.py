@@ -62,7 +62,7 @@ def contact_sheet(corpus: Corpus, sequence: str, frames: list[int], stream: str 
     width, height = corpus.record(sequence, frames[0]).streams[stream].size
     cell = (CELL, max(1, round(CELL * height / width)))
     rows = [(frame, names) for frame in frames for names in SHEET]
-    return _grid([[_cell(corpus, sequence, stream, name, frame, cell) for name in names] for frame, names in rows])
+    return grid([[_cell(corpus, sequence, stream, name, frame, cell) for name in names] for frame, names in rows])
 
 
 def stream_sheet(corpus: Corpus, sequence: str, frame: int) -> Image.Image:
@@ -74,8 +74,8 @@ def stream_sheet(corpus: Corpus, sequence: str, frame: int) -> Image.Image:
     cells = []
     for stream in streams:
         codes = picture_of("color", corpus.read(sequence, stream, "color", frame), exposure)
-        cells.append(_labelled(codes, f"{stream}  frame {frame}", cell))
-    return _grid([cells[k : k + 3] for k in range(0, len(cells), 3)])
+        cells.append(labelled(codes, f"{stream}  frame {frame}", cell))
+    return grid([cells[k : k + 3] for k in range(0, len(cells), 3)])
 
 
 def interesting_frames(corpus: Corpus, sequence: str, count: int = 4) -> list[int]:
@@ -105,14 +105,15 @@ def write_previews(corpus: Corpus, out: Path) -> list[Path]:
 def _cell(corpus: Corpus, sequence: str, stream: str, channel: str, frame: int, size: tuple[int, int]) -> Image.Image:
     entry = corpus.sequence(sequence)
     if channel not in entry.channels and channel not in entry.constants:
-        return _labelled(np.zeros((1, 1, 3), np.uint8), f"{channel}: not rendered", size)
+        return labelled(np.zeros((1, 1, 3), np.uint8), f"{channel}: not rendered", size)
     array = corpus.read(sequence, stream, channel, frame)
     constant = "" if channel in entry.channels else " (constant)"
     exposure = corpus.record(sequence, frame).exposure_ev
-    return _labelled(picture_of(channel, array, exposure), f"{channel}{constant}  frame {frame}", size)
+    return labelled(picture_of(channel, array, exposure), f"{channel}{constant}  frame {frame}", size)
 
 
-def _labelled(codes: NDArray[np.uint8], text: str, size: tuple[int, int]) -> Image.Image:
+def labelled(codes: NDArray[np.uint8], text: str, size: tuple[int, int]) -> Image.Image:
+    """A picture [height, width, 3] at `size`, under a line of text."""
     picture = Image.fromarray(codes)
     smaller = picture.width > size[0]
     picture = picture.resize(size, Image.Resampling.BOX if smaller else Image.Resampling.NEAREST)
@@ -122,7 +123,8 @@ def _labelled(codes: NDArray[np.uint8], text: str, size: tuple[int, int]) -> Ima
     return cell
 
 
-def _grid(rows: list[list[Image.Image]]) -> Image.Image:
+def grid(rows: list[list[Image.Image]]) -> Image.Image:
+    """Pictures of one size in rows."""
     width, height = rows[0][0].size
     sheet = Image.new("RGB", (width * max(len(row) for row in rows), height * len(rows)), (24, 24, 24))
     for j, row in enumerate(rows):

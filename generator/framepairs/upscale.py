@@ -124,16 +124,16 @@ def upscale_sequence(
 
 
 def compare_sequence(
-    corpus: Corpus, sequence: str, pairs: list[tuple[str, str]]
+    corpus: Corpus, sequence: str, pairs: list[tuple[str, str]], truth_stream: str = "hr"
 ) -> Iterator[list[tuple[ReportRow, NDArray]]]:
-    """Frame by frame, for each (stream, method) of `pairs`: its ReportRow, and the upscaled frame [height, width, 3] as
-    display codes in [0, 1]. The truth of a frame is read once."""
+    """Frame by frame, for each (stream, method) of `pairs`: its ReportRow against `truth_stream`, and the upscaled frame
+    [height, width, 3] as display codes in [0, 1]. The truth of a frame is read once."""
     running = [upscale_sequence(corpus, sequence, stream, method) for stream, method in pairs]
     with ThreadPoolExecutor(JUDGES) as judges:
         for step in zip(*running, strict=True):
             frame = step[0][0]
             exposure = corpus.record(sequence, frame).exposure_ev
-            truth = to_display(corpus.read(sequence, "hr", "color", frame), exposure)
+            truth = to_display(corpus.read(sequence, truth_stream, "color", frame), exposure)
             shown = [to_display(np.maximum(image, 0), exposure) for _, image, _ in step]
             scores = judges.map(lambda image, truth=truth: (psnr(image, truth), ssim(image, truth)), shown)
             yield [
@@ -148,11 +148,12 @@ def summarise(
     pairs: list[tuple[str, str]],
     out: Path | None = None,
     on_frame: Callable[[], None] | None = None,
+    truth_stream: str = "hr",
 ) -> list[dict]:
     """For each (stream, method), means over all frames ("all") and over those in which nothing moves ("still"; the last of
     them as "still, end"). With `out`, every upscaled frame is written there as a PNG."""
     rows: list[ReportRow] = []
-    for results in compare_sequence(corpus, sequence, pairs):
+    for results in compare_sequence(corpus, sequence, pairs, truth_stream):
         for row, shown in results:
             rows.append(row)
             if out is not None:

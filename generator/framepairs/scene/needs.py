@@ -11,6 +11,7 @@ import numpy as np
 
 from ..camera_path import CameraSample
 from ..channels import CHANNELS
+from ..plan import RenderPlan
 from .description import Material, SceneDescription
 
 
@@ -26,12 +27,13 @@ class Need:
     same_as: str | None = None
 
 
-def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> dict[str, Need]:
+def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample], plan: RenderPlan) -> dict[str, Need]:
     """One Need per channel of the table, in its order. `scene` has its environment already."""
     found = {
-        **_material_needs(scene),
+        **_material_needs(scene, plan),
         **_motion_needs(scene, samples),
         "emission": _emission_need(scene),
+        "color_variance": _variance_need(plan),
         "transparency": _layer_need("transparency", any(m.alpha == "blend" for m in scene.materials), "blended materials"),
         "overlay": _layer_need("overlay", False, "overlays"),
     }
@@ -39,12 +41,17 @@ def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> d
     return {name: found.get(name, need) for name, need in always.items()}
 
 
-def _material_needs(scene: SceneDescription) -> dict[str, Need]:
+def _material_needs(scene: SceneDescription, plan: RenderPlan) -> dict[str, Need]:
     used = [scene.materials[index] for index in sorted({item.material for item in scene.objects})]
+    bumpy = [material.name for material in used if material.normal_texture is not None]
+    roughness = _value_need("roughness", scene, used, lambda m: (m.roughness,), "surface_texture", (1,))
+    if bumpy and plan.normal_variance and not roughness.needed:
+        why = f"filtered normals roughen {bumpy[0]}"
+        roughness = Need(channel="roughness", needed=True, why=why)
     return {
         "albedo": _value_need("albedo", scene, used, lambda m: m.base_color, "base_texture", (0, 1, 2)),
         "specular": _value_need("specular", scene, used, lambda m: (m.specular,), "surface_texture", (0,)),
-        "roughness": _value_need("roughness", scene, used, lambda m: (m.roughness,), "surface_texture", (1,)),
+        "roughness": roughness,
         "metallic": _value_need("metallic", scene, used, lambda m: (m.metallic,), "surface_texture", (2,)),
     }
 
@@ -68,6 +75,12 @@ def _emission_need(scene: SceneDescription) -> Need:
     if any(any(material.emission) for material in scene.materials):
         return Need(channel="emission", needed=True, why="emissive materials")
     return Need(channel="emission", needed=False, why="nothing emits", constant=(0.0, 0.0, 0.0))
+
+
+def _variance_need(plan: RenderPlan) -> Need:
+    if plan.shading == "path":
+        return Need(channel="color_variance", needed=True, why="light paths are random")
+    return Need(channel="color_variance", needed=False, why="raster shading has no noise", constant=(0.0, 0.0, 0.0))
 
 
 def _layer_need(channel: str, needed: bool, what: str) -> Need:

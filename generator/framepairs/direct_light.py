@@ -1,0 +1,99 @@
+"""`raster`'s direct light: one shadow ray per point and directional light, a fixed pattern for lights with an extent.
+
+Each light with an extent is sampled at N points of it and at N directions of the specular lobe, weighted against each other
+by the balance heuristic (Veach and Guibas 1995): points suit rough surfaces and small lights, the lobe smooth ones. The
+points are the same for all pixels, so what they miss shows as steps and not as noise: a shadow's edge has about N levels.
+
+Measured on a floor under a rectangle or a sphere 0.04 to 0.8 of its distance wide, roughness 0.05 to 1, against N = 16384, in
+parts of the brightest value: N = 16 errs by up to 3 % rms and 17 % at most, N = 64 by 1.2 % and 6 %, N = 256 by 0.4 % and 2 %.
+"""
+
+from .backend import dr, mi
+from .brdf import evaluate, sample_specular, specular_density
+from .gbuffer import GBuffer, first_solid
+from .geometry import Pose
+from .lights import Lights, light_along, mesh_behind, sample_light
+from .materials import is_blended
+from .mesh_lights import emission_at, mesh_light_density
+from .shading import Shading, is_shadowed, lifted_from
+
+
+@dr.syntax
+def direct_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer) -> mi.Color3f:
+    """Radiance [3] that a surface reflects towards the camera straight from the lights."""
+    total, k = mi.Color3f(0), mi.UInt32(0)
+    if dr.hint(bool(lights.kinds), mode="scalar"):
+        while dr.hint(k < shading.pattern.count, exclude=[shading, lights, pose, sample]):
+            total += _from_point(shading, lights, pose, sample, dr.gather(mi.Vector4f, shading.pattern.lights, k))
+            k += 1
+    if dr.hint(lights.have_extent, mode="scalar"):
+        j = mi.UInt32(0)
+        while dr.hint(j < shading.pattern.number, exclude=[shading, lights, pose, sample]):
+            total += _from_lobe(shading, lights, pose, sample, dr.gather(mi.Point2f, shading.pattern.lobe, j))
+            j += 1
+    return total
+
+
+def _from_point(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, point: mi.Vector4f) -> mi.Color3f:
+    index, place = mi.UInt32(point.x), mi.Point2f(point.y, point.z)
+    valid = sample.hit.valid
+    light = sample_light(lights, shading.geometry, shading.materials, pose, index, sample.position, place, valid)
+    weight = point.w / dr.select(light.density > 0, light.density, 1)
+    if lights.have_extent:
+        lobe = specular_density(shading.brdf.model, sample.surface.roughness, sample.normal, sample.view, light.towards)
+        rivals = light.extent & ~_is_passed_through(shading, lights, index)
+        weight *= dr.select(rivals, light.density / dr.maximum(light.density + lobe, 1e-30), 1)
+    value = _reflected(shading, sample, light.towards) * light.radiance * weight
+    ray = lifted_from(sample, light.towards)
+    ray.maxt = light.distance * (1 - 1e-3)
+    lit = valid & (light.density > 0) & _is_above(sample, light.towards)
+    return dr.select(lit & ~is_shadowed(shading, pose, ray, lit), value, 0)
+
+
+def _is_passed_through(shading: Shading, lights: Lights, index: mi.UInt32) -> mi.Bool:
+    """Whether rays of the lobe pass this light: only its points stand for a blended surface."""
+    if not (shading.materials.blends and "mesh" in lights.kinds):
+        return mi.Bool(False)
+    is_mesh, item = mesh_behind(lights, index)
+    material = dr.gather(mi.UInt32, shading.geometry.tables.material, item, is_mesh)
+    return is_mesh & is_blended(shading.materials, material, is_mesh)
+
+
+@dr.syntax
+def _from_lobe(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, place: mi.Point2f) -> mi.Color3f:
+    model, roughness = shading.brdf.model, sample.surface.roughness
+    towards = sample_specular(model, roughness, sample.normal, sample.view, place)
+    lobe = specular_density(model, roughness, sample.normal, sample.view, towards)
+    active = sample.hit.valid & (lobe > 0) & _is_above(sample, towards)
+    ray = lifted_from(sample, towards)
+    hit, distance = first_solid(shading.geometry, shading.materials, pose, ray, None, active, start=mi.Float(0))
+    total = mi.Color3f(0)
+    if dr.hint("mesh" in lights.kinds, mode="scalar"):
+        chance = mesh_light_density(lights.meshes, shading.geometry, pose, hit, towards, distance)
+        glow = emission_at(shading.geometry, shading.materials, pose, hit)
+        total += dr.select(chance > 0, glow / dr.maximum(lobe + chance, 1e-30), 0)
+    if dr.hint(bool(lights.kinds & {"rectangle", "disk", "sphere"}), mode="scalar"):
+        k = mi.UInt32(0)
+        while dr.hint(k < lights.count, exclude=[lights, hit, ray, towards, distance, lobe, active]):
+            radiance, chance = light_along(lights, k, ray.o, towards, distance)
+            total += radiance / dr.maximum(lobe + chance, 1e-30)
+            k += 1
+    return dr.select(active, total * _reflected(shading, sample, towards) / mi.Float(shading.pattern.number), 0)
+
+
+def _reflected(shading: Shading, sample: GBuffer, towards: mi.Vector3f) -> mi.Color3f:
+    surface = sample.surface
+    return evaluate(
+        shading.brdf.model,
+        surface.base_color,
+        surface.metallic,
+        surface.roughness,
+        sample.f0,
+        sample.normal,
+        sample.view,
+        towards,
+    )
+
+
+def _is_above(sample: GBuffer, towards: mi.Vector3f) -> mi.Bool:
+    return (dr.dot(sample.geometric, towards) > 0) & (dr.dot(sample.normal, towards) > 0)

@@ -1,0 +1,95 @@
+"""From the options of a command to a plan, a camera path and a job; every refusal names the option."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from .bundled import camera_path_names, find_camera_path, find_scene
+from .camera_path import CameraPath, read_camera_path
+from .errors import InputError
+from .frame import check_frames, orbit
+from .plan import RenderPlan
+from .scene import light_scene, load_scene, scene_hash
+from .scene.description import SceneDescription
+
+HR_STREAMS = ("hr_native", "hr_mip0")
+
+
+def plan_options(scale, display, shading, aa, spp, seed, streams, channels, settings) -> dict[str, Any]:
+    """The options that were given, as keys of a plan; `settings` are KEY=VALUE with the value as JSON or a bare word."""
+    given: dict[str, Any] = {"shading": shading, "antialiasing": aa, "samples_per_pixel": spp, "seed": seed}
+    values = {key: value for key, value in given.items() if value is not None}
+    if scale:
+        values["scales"] = tuple(scale)
+    if display is not None:
+        match = re.fullmatch(r"(-?[0-9]{1,9})x(-?[0-9]{1,9})", display.lower())
+        if match is None:
+            raise InputError(f"must look like 1920x1080, not {display!r}", field="display")
+        values["display"] = tuple(int(part) for part in match.groups())
+    if streams is not None:
+        names = [name.strip() for name in streams.split(",")]
+        values |= {name: name in names for name in HR_STREAMS}
+        values["variants"] = tuple(name for name in names if name not in HR_STREAMS)
+    if channels is not None:
+        names = [name.strip() for name in channels.split(",")]
+        values["channels"] = names[0] if names[0] in ("all", "needed") else tuple(names)
+    for setting in settings or ():
+        key, equals, value = setting.partition("=")
+        if not equals:
+            raise InputError(f"must look like key=value, not {setting!r}", field="set")
+        values[key] = _json_or_word(value)
+    return values
+
+
+def camera_path_of(scene: str, camera: str | None, described: SceneDescription) -> tuple[CameraPath, str]:
+    """The path that was asked for, else the one of the scene's name, else an orbit; and what the manifest calls it."""
+    if camera is None and scene in camera_path_names():
+        camera = scene
+    if camera is None:
+        return orbit(described), "orbit"
+    return read_camera_path(find_camera_path(camera)), camera
+
+
+def make_job(scene: str, file: Path, camera: str | None, environment: Path | None, plan: RenderPlan, out: Path, stored=None):
+    """The Job of a scene; `stored` is the SequenceRecord that it must repeat."""
+    from .job import Job  # activates a back end
+
+    if environment is not None and not environment.is_file():
+        raise InputError("no such environment", file=environment)
+    lit, light = light_scene(load_scene(file), environment)
+    if stored is not None and scene_hash(lit) != stored.scene_sha256:
+        raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
+    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
+    return Job(scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out)
+
+
+def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path):
+    """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
+    environment = Path(entry.environment) if entry.environment not in (None, "default") else None
+    if moved_to is not None:
+        try:
+            return make_job(entry.scene, find_scene(moved_to), None, environment, plan, out, stored=entry), True
+        except InputError as error:
+            if "sha256 differs" not in error.problem:
+                raise
+    return make_job(entry.scene, find_scene(entry.scene), None, environment, plan, out, stored=entry), False
+
+
+def frame_range(text: str | None, count: int) -> range:
+    """`first:end` of a path of `count` frames; None: all."""
+    if text is None:
+        return range(count)
+    match = re.fullmatch(r"([0-9]{0,9}):([0-9]{0,9})", text)
+    if match is None:
+        raise InputError(f"must look like 0:32, not {text!r}", field="frames")
+    chosen = range(int(match[1] or 0), int(match[2] or count))
+    check_frames(chosen, count)
+    return chosen
+
+
+def _json_or_word(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
