@@ -146,12 +146,13 @@ def test_an_emissive_square_is_a_rectangle_that_shines_on_both_sides(matrix, sha
 
 
 def test_lamps_light_and_show_in_the_floor_alike_in_raster_and_path():
-    """A masked one, and a smaller one that is drawn less often."""
+    """A masked one, and a weak one that is drawn seldom and shows in the floor."""
     texels = np.ones((4, 4, 4), np.float32)
     texels[:2, :, 3], texels[:, 1, 3] = 0, 0
     texture = Texture(name="t", texels=texels, srgb=False, wrap=("clamp", "clamp"))
     lamp = replace(LAMP, alpha="mask", base_texture=Slot(texture=0))
-    lamps = (quad(1, 1), lamp, at(*MIRRORED["position"])), (quad(0.3, 0.3), replace(LAMP, emission=(9, 9, 9)), at(0.8, 0.7, 1))
+    weak = (quad(0.5, 0.5), replace(LAMP, emission=(1, 1, 1)), at(*MIRRORED["position"]))
+    lamps = (quad(1, 1), lamp, at(1, 1.2, 1.5)), weak
     material = Material(name="m", base_color=BASE, roughness=0.4, metallic=0.5)
     found, truth = (
         stage(*lamps, material=material, textures=(texture,), mesh_lights=True,

@@ -115,7 +115,7 @@ def levels(scale: int, anisotropy: int, bias: float) -> np.ndarray:
     width, height = SIZE[0] // scale, SIZE[1] // scale
     index = dr.arange(mi.UInt32, width * height)
     ray = camera_ray(view, (mi.Float(index % width) + 0.5) / width, (mi.Float(index // width) + 0.5) / height)
-    hit, _ = trace(geometry, pose, ray, mi.Bool(True))
+    hit, _ = trace(geometry, pose, ray, mi.Bool(True), coherent=True)
     pixel = pixel_of(view, (mi.Float(width), mi.Float(height)), mi.Float(bias))
     footprint = footprint_of(triangle_of(geometry.tables, pose, hit), ray, pixel)
     texels = np.zeros((800, 3000, 4), np.uint8)  # so that a pixel of HR is some 5 by 2 texels

@@ -133,7 +133,7 @@ def first_solid(
     while dr.hint(searching, exclude=[geometry, materials, pose, pixel, blended_too]):
         onward = mi.Ray3f(ray.o + passed * ray.d, ray.d)
         onward.maxt = ray.maxt - passed
-        hit, t = trace(geometry, pose, onward, searching)
+        hit, t = trace(geometry, pose, onward, searching, coherent=pixel is not None)
         through = mi.Bool(False)
         if dr.hint(materials.masks or materials.blends, mode="scalar"):
             material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
