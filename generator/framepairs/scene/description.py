@@ -68,7 +68,8 @@ class Mesh:
     """Triangles in object space.
 
     positions: [V, 3] float32. faces: [T, 3] uint32, counter-clockwise from outside. normals: [V, 3] float32 or None for
-    flat shading. uv: [V, 2] float32 with v up, or None.
+    flat shading. uv: [V, 2] float32 with v up, or None. deforms: its vertices move (skin, morph targets, point cache); it
+    then belongs to one object, and positions and normals are those at time 0.
     """
 
     name: str
@@ -76,11 +77,21 @@ class Mesh:
     faces: NDArray[np.uint32]
     normals: NDArray[np.float32] | None = None
     uv: NDArray[np.float32] | None = None
+    deforms: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deformed:
+    """A mesh at one time: the same vertices in object space. positions: [V, 3]; normals: [V, 3] where the mesh has some."""
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneObject:
-    """A leaf instance: one mesh with one material. Its object_id is 1 + its index. moves: its transform is animated."""
+    """A leaf instance: one mesh with one material. Its object_id is 1 + its index. moves: its transform, its vertices or its
+    visibility is animated."""
 
     name: str
     mesh: int
@@ -131,7 +142,9 @@ class Environment:
 class SceneDescription:
     """A whole scene.
 
-    world_from_object: function of the animation's time in seconds to [objects, 4, 4] float64. files: every file that was
+    world_from_object: function of the animation's time in seconds to [objects, 4, 4] float64. deformed: of the time to the
+    vertices of every mesh that deforms, by mesh index; None where none does. visible: of the time to [objects] bool; None
+    where all objects are always drawn. files: every file that was
     read, the main one first. up_axis: 'Y' or 'Z'. not_read: what the file holds and we do not draw, each a sentence.
     """
 
@@ -146,6 +159,8 @@ class SceneDescription:
     up_axis: Literal["X", "Y", "Z"]
     metres_per_unit: float
     world_from_object: Callable[[float], NDArray[np.float64]]
+    deformed: Callable[[float], dict[int, Deformed]] | None = None
+    visible: Callable[[float], NDArray[np.bool_]] | None = None
     animation_end_s: float = 0.0
     not_read: tuple[str, ...] = ()
 
