@@ -35,10 +35,10 @@ def test_the_path_is_a_pan_a_cut_and_sixteen_frames_in_which_everything_stops(sh
     assert [state.frame for state in states if state.reset] == [0, 16]
     for state in states[17:]:
         assert np.array_equal(state.camera.world_from_camera, states[16].camera.world_from_camera)
-        assert np.array_equal(state.world_from_object, states[16].world_from_object)
+        assert np.array_equal(state.objects.world_from_object, states[16].objects.world_from_object)
     for state in states[1:16]:
         assert not np.array_equal(state.camera.world_from_camera, state.previous_camera.world_from_camera)
-        assert not np.array_equal(state.world_from_object, state.previous_world_from_object)
+        assert not np.array_equal(state.objects.world_from_object, state.previous_objects.world_from_object)
 
 
 def test_everything_in_it_is_read_and_nearly_every_channel_needed(market, shoot):

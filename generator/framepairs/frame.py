@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .camera_path import CameraPath, CameraSample, frame_count, make_camera_path, sample
 from .errors import InputError
-from .scene.description import SceneDescription, rotation_from_y_up, scene_bounds
+from .scene.description import Deformed, SceneDescription, rotation_from_y_up, scene_bounds
 from .transforms import Matrix, Vector, clip_from_view, look_at
 
 ORIGIN_CELL_M = 4096.0
@@ -39,11 +39,20 @@ class CameraState:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ObjectStates:
+    """All objects at one time. world_from_object: [objects, 4, 4]. visible: [objects]. deformed: vertices by mesh index."""
+
+    world_from_object: NDArray[np.float64]
+    visible: NDArray[np.bool_]
+    deformed: dict[int, Deformed]
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrameState:
     """One frame. On a reset (frame 0 of the path, or the first after a cut) the previous state equals the current.
 
-    world_from_object, previous_world_from_object: [objects, 4, 4]. render_origin: [3], the point that the passes take as
-    (0, 0, 0) so that float32 resolves what lies around the camera.
+    objects, previous_objects: where they are, which are drawn, and the vertices of those that deform. render_origin: [3],
+    the point that the passes take as (0, 0, 0) so that float32 resolves what lies around the camera.
     """
 
     frame: int
@@ -53,8 +62,8 @@ class FrameState:
     exposure_ev: float
     camera: CameraState
     previous_camera: CameraState
-    world_from_object: NDArray[np.float64]
-    previous_world_from_object: NDArray[np.float64]
+    objects: ObjectStates
+    previous_objects: ObjectStates
     render_origin: Vector
 
 
@@ -101,13 +110,27 @@ class Shoot:
             world_from_camera=item.world_from_camera, fov_y=item.fov_y, aspect=self.aspect, near=near, far=far
         )
 
+    def objects(self, time_s: float) -> ObjectStates:
+        """All objects at a time of the animation. The last few are kept: a frame's are the next frame's previous ones."""
+        kept = self._kept.get(time_s)
+        if kept is None:
+            scene = self.scene
+            visible = scene.visible(time_s) if scene.visible else np.ones(len(scene.objects), dtype=bool)
+            deformed = scene.deformed(time_s) if scene.deformed else {}
+            kept = ObjectStates(world_from_object=scene.world_from_object(time_s), visible=visible, deformed=deformed)
+            while len(self._kept) > 1:
+                del self._kept[next(iter(self._kept))]
+            self._kept[time_s] = kept
+        return kept
+
+    @cached_property
+    def _kept(self) -> dict[float, ObjectStates]:
+        return {}
+
     def state(self, frame: int) -> FrameState:
         """The state of `frame`, 0 <= frame < len(self)."""
         reset = frame == 0 or self.samples[frame].shot != self.samples[frame - 1].shot
         before = frame if reset else frame - 1
-        objects, previous_objects = (
-            self.scene.world_from_object(self.samples[i].scene_time_s) for i in (frame, before)
-        )
         return FrameState(
             frame=frame,
             time_s=frame / self.path.fps,
@@ -116,8 +139,8 @@ class Shoot:
             exposure_ev=self.path.exposure_ev,
             camera=self.camera(frame),
             previous_camera=self.camera(before),
-            world_from_object=objects,
-            previous_world_from_object=previous_objects,
+            objects=self.objects(self.samples[frame].scene_time_s),
+            previous_objects=self.objects(self.samples[before].scene_time_s),
             render_origin=self._origins[frame],
         )
 

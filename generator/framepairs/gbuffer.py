@@ -140,6 +140,8 @@ def first_solid(
             doubtful = hit.valid & ~is_opaque(materials, material, hit.valid)
             if dr.hint(doubtful, exclude=[geometry, materials, pose, hit, pixel, blended_too]):
                 through = _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too)
+        if dr.hint(geometry.hides, mode="scalar"):
+            through |= hit.valid & dr.gather(mi.Bool, pose.hidden, hit.object, hit.valid)
         valid, item, face, uv = hit.valid, hit.object, hit.face, hit.uv
         reached = passed + dr.select(hit.valid, t, 0)
         passed = dr.select(through, dr.maximum(reached * (1 + SKIP), reached + least), reached)

@@ -4,23 +4,22 @@ Mitsuba finds the triangle (`ray_intersect_preliminary`); position, normal and u
 object and triangle, so that a kernel has no virtual calls and a thousand instances cost no more than one.
 """
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .backend import dr, mi
-from .frame import FrameState
-from .scene.description import SceneDescription
+from .frame import FrameState, ObjectStates
+from .scene.description import Deformed, Mesh, SceneDescription
 
 
 @dataclass(frozen=True)
 class Tables:
-    """positions, normals: [3 V] and uv: [2 V] in object space; faces: [3 T] indices into them. Per object: first_face,
-    material. object_of_shape: object index by Mitsuba's registry number of the shape or instance."""
+    """uv: [2 V]; faces: [3 T] indices into vertices. Per object: first_face, material. object_of_shape: object index by
+    Mitsuba's registry number of the shape or instance."""
 
-    positions: mi.Float
-    normals: mi.Float
     uv: mi.Float
     faces: mi.UInt32
     first_face: mi.UInt32
@@ -31,86 +30,138 @@ class Tables:
 @dataclass(frozen=True)
 class Pose:
     """The scene at one time. scene: what rays are traced through. render_from_object: [12 objects], rows of 3x4 matrices
-    into the space around the render origin."""
+    into the space around the render origin. positions, normals: [3 V] in object space. hidden: [objects], not drawn."""
 
     scene: mi.Scene
     render_from_object: mi.Float
+    positions: mi.Float
+    normals: mi.Float
+    hidden: mi.Bool
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """All objects around a render origin. matrices: [objects, 3, 4]. hidden: [objects], also where a matrix is singular."""
+
+    matrices: NDArray[np.float32]
+    hidden: NDArray[np.bool_]
+    deformed: dict[int, Deformed]
+    key: bytes
 
 
 class Geometry:
     """A scene's triangles on the device, posed for any FrameState.
 
     Two Mitsuba scenes take turns: what was the current frame's is the previous one's when frames come in order. They are
-    a cache only: a pose is found by its matrices, and built or updated where none fits.
+    a cache only: a pose is found by what decides it, and built or updated where none fits. hides: objects may be hidden, so
+    rays must ask.
     """
 
     def __init__(self, scene: SceneDescription):
         self._scene = scene
         uses = np.bincount([item.mesh for item in scene.objects], minlength=len(scene.meshes))
-        self._instanced = [item.moves or uses[item.mesh] > 1 for item in scene.objects]
+        deforms = [scene.meshes[item.mesh].deforms for item in scene.objects]
+        self._instanced = [
+            not deforming and (item.moves or uses[item.mesh] > 1)
+            for item, deforming in zip(scene.objects, deforms, strict=True)
+        ]
+        self._fixed = [not item.moves for item in scene.objects]
         self._groups = {
             item.mesh: mi.load_dict({"type": "shapegroup", "mesh": _mesh(scene.meshes[item.mesh])})
             for item, instanced in zip(scene.objects, self._instanced, strict=True)
             if instanced
         }
         self._slots: list[_Slot] = []
-        self._statics: tuple[bytes, list[mi.Shape]] | None = None
+        self._statics: tuple[bytes, dict[int, mi.Shape]] | None = None
+        self._vertices = _vertices(scene)
+        self._still = tuple(mi.Float(array.ravel()) for array in self._vertices)
+        self.hides = scene.visible is not None
         self.tables: Tables | None = None
 
     def pose(self, frame: FrameState) -> tuple[Pose, Pose]:
         """(current, previous). Both are one where nothing moved."""
-        matrices = [
-            _around(matrices, frame.render_origin)
-            for matrices in (frame.world_from_object, frame.previous_world_from_object)
-        ]
-        keys = [matrix.tobytes() for matrix in matrices]
-        current = self._slot(matrices[0], keys[0], avoid=keys[1]).pose
-        previous = current if keys[0] == keys[1] else self._slot(matrices[1], keys[1], avoid=keys[0]).pose
-        return current, previous
+        now, before = (_placement(states, frame.render_origin) for states in (frame.objects, frame.previous_objects))
+        self.hides |= bool(now.hidden.any() or before.hidden.any())
+        current = self._slot(now, avoid=before.key).pose
+        return current, current if now.key == before.key else self._slot(before, avoid=now.key).pose
 
-    def _slot(self, matrices: NDArray, key: bytes, avoid: bytes) -> "_Slot":
+    def _slot(self, placed: _Placement, avoid: bytes) -> "_Slot":
         for slot in self._slots:
-            if slot.key == key:
+            if slot.placed.key == placed.key:
                 return slot
-        statics_key = matrices[[not moves for moves in self._moving]].tobytes()
+        statics_key = placed.matrices[self._fixed].tobytes()
         if self._statics is None or self._statics[0] != statics_key:
-            shapes = [
-                _mesh(self._scene.meshes[item.mesh], matrix)
-                for item, matrix, instanced in zip(self._scene.objects, matrices, self._instanced, strict=True)
-                if not instanced
-            ]
-            self._statics = (statics_key, shapes)
+            self._statics = (statics_key, {k: self._shape(k, placed) for k, fixed in enumerate(self._fixed) if fixed})
             self._slots.clear()
-        free = [slot for slot in self._slots if slot.key != avoid]
+        free = [slot for slot in self._slots if slot.placed.key != avoid]
         if len(self._slots) < 2 or not free:
-            slot = self._build(matrices, key)
+            slot = self._build(placed)
             self._slots.append(slot)
             self._retabulate()
         else:
             slot = free[0]
-            self._slots.remove(slot)
-            slot = slot.moved(matrices, key, self._moving)
+            self._slots = [other for other in self._slots if other is not slot]
+            self._move(slot, placed)
+            slot = _Slot(placed, slot.shapes, self._pose(slot.pose.scene, placed))
             self._slots.append(slot)
         return slot
 
-    @property
-    def _moving(self) -> list[bool]:
-        return [item.moves for item in self._scene.objects]
-
-    def _build(self, matrices: NDArray, key: bytes) -> "_Slot":
-        statics = iter(self._statics[1])
-        shapes: list[mi.Shape] = []
-        for item, matrix, instanced in zip(self._scene.objects, matrices, self._instanced, strict=True):
-            if instanced:
-                transform = mi.ScalarTransform4f(_full(matrix))
-                group = self._groups[item.mesh]
-                shapes.append(mi.load_dict({"type": "instance", "group": group, "to_world": transform}))
-            else:
-                shapes.append(next(statics))
+    def _build(self, placed: _Placement) -> "_Slot":
+        fixed = self._statics[1]
+        shapes = [fixed[k] if k in fixed else self._shape(k, placed) for k in range(len(self._scene.objects))]
         named = {f"object_{index}": shape for index, shape in enumerate(shapes)}
         groups = {f"group_{index}": group for index, group in self._groups.items()}
         scene = mi.load_dict({"type": "scene", **groups, **named})
-        return _Slot(key, matrices, shapes, Pose(scene, _upload(matrices)))
+        return _Slot(placed, shapes, self._pose(scene, placed))
+
+    def _shape(self, index: int, placed: _Placement) -> mi.Shape:
+        item = self._scene.objects[index]
+        matrix = placed.matrices[index]
+        if self._instanced[index]:
+            transform = mi.ScalarTransform4f(_full(_regular(matrix)))
+            return mi.load_dict({"type": "instance", "group": self._groups[item.mesh], "to_world": transform})
+        mesh = self._scene.meshes[item.mesh]
+        return _mesh(mesh, _moved(placed.deformed.get(item.mesh, mesh).positions, matrix))
+
+    def _move(self, slot: "_Slot", placed: _Placement) -> None:
+        """Replace what differs: transforms of instances, vertices of meshes that deform."""
+        changed = None
+        for index in np.flatnonzero(~np.array(self._fixed, dtype=bool)):
+            item, matrix, old = self._scene.objects[index], placed.matrices[index], slot.placed.matrices[index]
+            same = np.array_equal(matrix, old)
+            if self._instanced[index]:
+                if same:
+                    continue
+                parameters = mi.traverse(slot.shapes[index])
+                transform = mi.Transform4f(_full(_regular(matrix)))
+                dr.make_opaque(transform)
+                parameters["to_world"], changed = transform, f"object_{index}.to_world"
+            else:
+                vertices, before = (p.deformed.get(item.mesh) for p in (placed, slot.placed))
+                vertices = vertices or self._scene.meshes[item.mesh]
+                if same and before is not None and np.array_equal(vertices.positions, before.positions):
+                    continue
+                parameters = mi.traverse(slot.shapes[index])
+                parameters["vertex_positions"] = mi.Float(_moved(vertices.positions, matrix).ravel())
+                changed = f"object_{index}.vertex_positions"
+            parameters.update()
+        if changed is not None:
+            scene = mi.traverse(slot.pose.scene)
+            scene.set_dirty(changed)
+            scene.update()
+
+    def _pose(self, scene: mi.Scene, placed: _Placement) -> Pose:
+        positions, normals = self._still
+        if placed.deformed:
+            arrays = [array.copy() for array in self._vertices]
+            for mesh, vertices in placed.deformed.items():
+                first = sum(len(other.positions) for other in self._scene.meshes[:mesh])
+                arrays[0][first : first + len(vertices.positions)] = vertices.positions
+                if vertices.normals is not None:
+                    arrays[1][first : first + len(vertices.positions)] = vertices.normals
+            positions, normals = (mi.Float(array.ravel()) for array in arrays)
+        hidden = placed.hidden if len(placed.hidden) else np.zeros(1, dtype=bool)
+        return Pose(scene, _upload(placed.matrices), positions, normals, mi.Bool(hidden))
 
     def _retabulate(self) -> None:
         numbers = [_registry_numbers(slot.shapes) for slot in self._slots]
@@ -125,24 +176,30 @@ class Geometry:
 
 @dataclass(frozen=True)
 class _Slot:
-    key: bytes
-    matrices: NDArray
+    placed: _Placement
     shapes: list
     pose: Pose
 
-    def moved(self, matrices: NDArray, key: bytes, moving: list[bool]) -> "_Slot":
-        """This slot with the transforms of all moving instances that differ replaced."""
-        for index, moves in enumerate(moving):
-            if moves and not np.array_equal(matrices[index], self.matrices[index]):
-                parameters = mi.traverse(self.shapes[index])
-                transform = mi.Transform4f(_full(matrices[index]))
-                dr.make_opaque(transform)
-                parameters["to_world"] = transform
-                parameters.update()
-        scene = mi.traverse(self.pose.scene)
-        scene.set_dirty(next(name for name in scene.keys() if name.endswith("to_world")))
-        scene.update()
-        return _Slot(key, matrices, self.shapes, Pose(self.pose.scene, _upload(matrices)))
+
+def _placement(states: ObjectStates, origin: NDArray[np.float64]) -> _Placement:
+    matrices = _around(states.world_from_object, origin)
+    regular = np.abs(np.linalg.det(matrices[:, :, :3].astype(np.float64))) > 0
+    hidden = ~(states.visible & regular)
+    digest = hashlib.blake2b(matrices.tobytes() + hidden.tobytes())
+    for mesh, vertices in sorted(states.deformed.items()):
+        digest.update(mesh.to_bytes(4, "little") + vertices.positions.tobytes())
+        digest.update(b"" if vertices.normals is None else vertices.normals.tobytes())
+    return _Placement(matrices, hidden, states.deformed, digest.digest())
+
+
+def _regular(matrix: NDArray) -> NDArray:
+    """The matrix, or the identity for a singular one: its object is hidden, and Mitsuba needs an inverse."""
+    return matrix if abs(np.linalg.det(matrix[:, :3].astype(np.float64))) > 0 else np.eye(4, dtype=np.float32)[:3]
+
+
+def _moved(positions: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[np.float32]:
+    exact = matrix.astype(np.float64)
+    return (positions.astype(np.float64) @ exact[:, :3].T + exact[:, 3]).astype(np.float32)
 
 
 def _around(matrices: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -160,11 +217,8 @@ def _upload(matrices: NDArray) -> mi.Float:
     return dr.opaque(mi.Float, 0) if not matrices.size else mi.Float(matrices.ravel())
 
 
-def _mesh(mesh, matrix: NDArray | None = None) -> mi.Mesh:
-    positions = mesh.positions
-    if matrix is not None:
-        exact = matrix.astype(np.float64)
-        positions = (positions.astype(np.float64) @ exact[:, :3].T + exact[:, 3]).astype(np.float32)
+def _mesh(mesh: Mesh, positions: NDArray[np.float32] | None = None) -> mi.Mesh:
+    positions = mesh.positions if positions is None else positions
     shape = mi.Mesh(mesh.name, len(positions), len(mesh.faces))
     parameters = mi.traverse(shape)
     parameters["vertex_positions"] = np.ascontiguousarray(positions).ravel()
@@ -178,26 +232,28 @@ def _registry_numbers(shapes: list) -> NDArray[np.int64]:
     return np.array([int(dr.reinterpret_array(mi.UInt32, pointer)[0]) for pointer in pointers], dtype=np.int64)
 
 
+def _vertices(scene: SceneDescription) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(positions, normals) [V, 3] of all meshes; zeros where a mesh has no normals."""
+    normals = [np.zeros_like(mesh.positions) if mesh.normals is None else mesh.normals for mesh in scene.meshes]
+    return _gathered([mesh.positions for mesh in scene.meshes], np.float32, 3), _gathered(normals, np.float32, 3)
+
+
 def _tables(scene: SceneDescription, object_of_shape: NDArray) -> Tables:
-    vertex_counts = [len(mesh.positions) for mesh in scene.meshes]
-    face_counts = [len(mesh.faces) for mesh in scene.meshes]
-    first_vertex = np.concatenate([[0], np.cumsum(vertex_counts)])
-    first_face = np.concatenate([[0], np.cumsum(face_counts)])
-
-    def gathered(arrays: list[NDArray], dtype) -> NDArray:
-        return np.concatenate([np.ascontiguousarray(a, dtype=dtype).ravel() for a in arrays if a.size] or [np.zeros(12, dtype)])
-
-    def or_zeros(array: NDArray | None, count: int, width: int) -> NDArray:
-        return np.zeros((count, width), np.float32) if array is None else array
-
+    first_vertex = np.concatenate([[0], np.cumsum([len(mesh.positions) for mesh in scene.meshes])])
+    first_face = np.concatenate([[0], np.cumsum([len(mesh.faces) for mesh in scene.meshes])])
+    uv = [np.zeros((len(mesh.positions), 2), np.float32) if mesh.uv is None else mesh.uv for mesh in scene.meshes]
     faces = [mesh.faces.astype(np.int64) + first_vertex[index] for index, mesh in enumerate(scene.meshes)]
     meshes = [item.mesh for item in scene.objects]
     return Tables(
-        positions=mi.Float(gathered([mesh.positions for mesh in scene.meshes], np.float32)),
-        normals=mi.Float(gathered([or_zeros(m.normals, len(m.positions), 3) for m in scene.meshes], np.float32)),
-        uv=mi.Float(gathered([or_zeros(m.uv, len(m.positions), 2) for m in scene.meshes], np.float32)),
-        faces=mi.UInt32(gathered(faces, np.uint32)),
+        uv=mi.Float(_gathered(uv, np.float32, 2).ravel()),
+        faces=mi.UInt32(_gathered(faces, np.uint32, 3).ravel()),
         first_face=mi.UInt32(first_face[meshes].astype(np.uint32) if meshes else np.zeros(1, np.uint32)),
         material=mi.UInt32(np.array([item.material for item in scene.objects] or [0], dtype=np.uint32)),
         object_of_shape=mi.UInt32(object_of_shape),
     )
+
+
+def _gathered(arrays: list[NDArray], dtype, width: int) -> NDArray:
+    """All rows [n, width]; a few zeros where there are none."""
+    rows = [np.asarray(array, dtype=dtype).reshape(-1, width) for array in arrays if array.size]
+    return np.concatenate(rows or [np.zeros((4, width), dtype)])

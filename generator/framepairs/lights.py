@@ -69,7 +69,7 @@ def lights_around(scene: SceneDescription, meshes: MeshLights, frame: FrameState
         row[4, :3] = light.half_v
     for row, index, faces in zip(rows[len(scene.lights) : count], meshes.objects, meshes.faces, strict=True):
         row[0, 3], row[3, 3], row[4, 3] = KINDS.index("mesh"), index, faces
-    choice = _choice(scene, mesh_light_powers(meshes, frame.world_from_object))
+    choice = _choice(scene, mesh_light_powers(meshes, frame.objects.world_from_object))
     return Lights(
         values=mi.Float(rows.ravel()),
         count=dr.opaque(mi.UInt32, count),

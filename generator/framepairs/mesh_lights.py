@@ -139,7 +139,10 @@ def emission_at(geometry: Geometry, materials: MaterialTable, pose: Pose, hit: H
     opacity = mi.Float(1)
     if materials.masks or materials.blends:
         opacity = opacity_of(materials, material, footprint, hit.valid)
-    return dr.select(hit.valid, surface.emission * opacity, 0)
+    drawn = hit.valid
+    if geometry.hides:
+        drawn &= ~dr.gather(mi.Bool, pose.hidden, hit.object, hit.valid)
+    return dr.select(drawn, surface.emission * opacity, 0)
 
 
 def _per_area(edge1: mi.Vector3f, edge2: mi.Vector3f, direction: mi.Vector3f, distance: mi.Float) -> mi.Float:

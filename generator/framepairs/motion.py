@@ -86,6 +86,8 @@ def _dual(
     met, z = first_solid(geometry, materials, before.pose, ray, before.pixel, inside, start=before.view.near)
     same = met.valid & hit.valid & (met.object == hit.object) & (met.face == hit.face)
     seen = inside & dr.select(hit.valid, same | ~met.valid | (z >= then.z * (1 - SEEN_TOLERANCE)), ~met.valid)
+    if geometry.hides:  # what was not drawn was not seen, whatever stood there
+        seen &= ~(hit.valid & dr.gather(mi.Bool, before.pose.hidden, hit.object, hit.valid))
     occluder = _choose(
         met.valid,
         project(view, point_of(geometry.tables, pose, met)),

@@ -79,7 +79,7 @@ def lifted_from(sample: GBuffer, direction: mi.Vector3f) -> mi.Ray3f:
 
 def is_shadowed(shading: Shading, pose: Pose, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
     """Whether an opaque surface stops the ray before its end; blended ones do not."""
-    if not (shading.materials.masks or shading.materials.blends):
+    if not (shading.materials.masks or shading.materials.blends or shading.geometry.hides):
         return pose.scene.ray_test(ray, active=active)
     hit, _ = first_solid(shading.geometry, shading.materials, pose, ray, None, active, start=mi.Float(0))
     return hit.valid

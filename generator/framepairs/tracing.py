@@ -46,7 +46,7 @@ def trace(geometry: Geometry, pose: Pose, ray: mi.Ray3f, active: mi.Bool, cohere
 
 def point_of(tables: Tables, pose: Pose, hit: Hit) -> mi.Point3f:
     """Place [3] in render space, at `pose`, of the material point that was hit: v0 + u e1 + v e2, then transformed."""
-    p0, p1, p2 = _corners(mi.Point3f, tables.positions, tables, hit)
+    p0, p1, p2 = _corners(mi.Point3f, pose.positions, tables, hit)
     local = p0 + hit.uv.x * (p1 - p0) + hit.uv.y * (p2 - p0)
     return _transform(pose, hit).point(local)
 
@@ -54,8 +54,8 @@ def point_of(tables: Tables, pose: Pose, hit: Hit) -> mi.Point3f:
 def triangle_of(tables: Tables, pose: Pose, hit: Hit) -> Triangle:
     """Everything that interpolates over the hit's triangle. Degenerate triangles give finite values."""
     matrix = _transform(pose, hit)
-    p0, p1, p2 = _corners(mi.Point3f, tables.positions, tables, hit)
-    n0, n1, n2 = _corners(mi.Normal3f, tables.normals, tables, hit)
+    p0, p1, p2 = _corners(mi.Point3f, pose.positions, tables, hit)
+    n0, n1, n2 = _corners(mi.Normal3f, pose.normals, tables, hit)
     t0, t1, t2 = _corners(mi.Point2f, tables.uv, tables, hit)
     local1, local2 = p1 - p0, p2 - p0
     u, v = hit.uv.x, hit.uv.y

@@ -1,0 +1,150 @@
+"""Meshes that deform and objects that appear: motion against float64 projections of the same material points."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analytic import Stage, at, camera_basis, fractions, make_scene, path_of, project, quad
+from framepairs.conventions import Stream
+from framepairs.scene.description import Deformed, Material, Mesh
+
+GRAY = Material(name="gray")
+DISPLAY = (192, 108)
+
+
+def grid(cells: int, size: float, name: str = "grid") -> Mesh:
+    """A square in the plane z = 0 of cells x cells quads."""
+    ticks = np.linspace(-size / 2, size / 2, cells + 1, dtype=np.float32)
+    x, y = np.meshgrid(ticks, ticks)
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    up = cells + 1
+    faces = np.concatenate(
+        [np.stack([first, first + 1, first + 1 + up], 1), np.stack([first, first + 1 + up, first + up], 1)]
+    )
+    positions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size, np.float32)], axis=1)
+    normals = np.tile(np.float32([0, 0, 1]), (len(positions), 1))
+    return Mesh(name=name, positions=positions, faces=faces.astype(np.uint32), normals=normals, deforms=True)
+
+
+def deforming(matrix, bend, mesh=None, **keys):
+    """A scene with one mesh whose vertices at a time are `bend`(time, positions)."""
+    mesh = mesh or grid(16, 2.0)
+    scene = make_scene((mesh, GRAY, lambda time: matrix(time) if callable(matrix) else matrix), **keys)
+
+    def deformed(time: float) -> dict[int, Deformed]:
+        return {0: Deformed(positions=bend(time, mesh.positions.astype(float)).astype(np.float32), normals=mesh.normals)}
+
+    return replace(scene, deformed=deformed)
+
+
+def sheared(time: float, points: np.ndarray) -> np.ndarray:
+    """Affine in the plane, so that every point of a triangle is known: x += 0.3 t y, y scaled by 1 + 0.2 t."""
+    x, y, z = points.T
+    return np.stack([x + 0.3 * time * y, y * (1 + 0.2 * time), z + 0.1 * time], axis=1)
+
+
+def unsheared(time: float, points: np.ndarray) -> np.ndarray:
+    x, y, z = np.moveaxis(points, -1, 0)
+    y = y / (1 + 0.2 * time)
+    return np.stack([x - 0.3 * time * y, y, z - 0.1 * time], axis=-1)
+
+
+@pytest.mark.parametrize("scale, far_away", [(1.0, 0.0), (1.0, 1e6), (1e-3, 0.0)])
+def test_motion_follows_the_material_point_of_a_shearing_mesh(scale, far_away):
+    """At 1920 x 1080, as the whole scene, its units, or its distance from the origin change."""
+    size = (1920, 1080)
+    place = at(far_away, -far_away, far_away) @ np.diag([scale, scale, scale, 1.0]) @ at(0, 0, -3)
+    camera = at(far_away, -far_away, far_away)
+    before = at(far_away + 0.05 * scale, -far_away, far_away)
+    path = path_of(before, camera, near=0.01 * scale, far=100 * scale)
+    stage = Stage(deforming(place, sheared), path)
+    stream = Stream(name="hr", size=size)
+    arrays = stage.engine.render(stage.shoot.state(1), stream, frozenset({"motion", "object_id"}), 0).arrays
+    _, tan_x, tan_y = camera_basis(stage, 1)
+    x, y = fractions(*size)
+    depth = 3 - 0.1  # of the plane at time 1, in units of `scale`
+    local = np.stack([(2 * x - 1) * tan_x * depth, (1 - 2 * y) * tan_y * depth, np.full_like(x, -depth)], axis=-1)
+    material = unsheared(1.0, local + [0, 0, 3])
+    then = sheared(0.0, material.reshape(-1, 3)).reshape(material.shape) - [0, 0, 3]
+    expected = (project(then * scale, at(0.05 * scale, 0, 0), tan_x, tan_y) - np.stack([x, y], axis=-1)) * size
+    hit = arrays["object_id"][..., 0] == 1
+    error = np.abs(arrays["motion"] - expected)[hit]
+    assert hit.sum() > 400_000
+    assert np.median(error) <= 1e-4 and error.max() <= (1e-2 if far_away or scale != 1 else 5e-3)
+
+
+def test_vertices_that_stand_still_do_not_move():
+    """One corner of the mesh is bent; all else, and everything on the next frame, has motion exactly 0."""
+
+    def bend(time, points):
+        bent = points.copy()
+        bent[points[:, 0] > 0.7] += [0, 0, 0.2 * min(time, 1)]
+        return bent
+
+    stage = Stage(deforming(at(0, 0, -3), bend), path_of(*[np.eye(4)] * 3), display=DISPLAY)
+    moved, still = (stage.arrays(frame, "hr") for frame in (1, 2))
+    width, height = DISPLAY
+    x, _ = fractions(width, height)
+    left = (arrays_left := moved["object_id"][..., 0] == 1) & (x < 0.5)
+    assert left.sum() > 500 and not moved["motion"][left].any()
+    assert moved["motion"][arrays_left & (x > 0.62)].any()
+    assert not still["motion"].any() and (still["visibility"] == 7).all()
+
+
+def test_any_frame_alone_equals_itself_in_the_sequence():
+    scene = deforming(lambda time: at(0.1 * time, 0, -3), sheared)
+    path = path_of(*(at(0.02 * k, 0, 0) for k in range(4)))
+    in_order, alone = Stage(scene, path, display=DISPLAY), Stage(scene, path, display=DISPLAY)
+    for frame in range(3):
+        in_order.arrays(frame, "hr")
+    expected, found = in_order.arrays(3, "hr"), alone.arrays(3, "hr")
+    assert all(np.array_equal(expected[name], found[name]) for name in expected)
+
+
+def test_normals_follow_the_vertices():
+    def turned(time):
+        return {0: Deformed(positions=MESH.positions, normals=np.tile(np.float32([0.6, 0, 0.8]), (len(MESH.positions), 1)))}
+
+    MESH = grid(2, 4.0)
+    scene = replace(make_scene((MESH, GRAY, lambda time: at(0, 0, -3))), deformed=turned)
+    normal = Stage(scene, path_of(np.eye(4)), display=DISPLAY).arrays(0, "hr")["normal"][54, 96]
+    np.testing.assert_allclose(normal, [0.6, 0, 0.8], atol=2**-20)
+
+
+def blinking():
+    """A wall, and a card before it that is drawn at times 1 and 2 only."""
+    scene = make_scene((quad(20, 20), GRAY, at(0, 0, -4)), (quad(1, 1), GRAY, lambda time: at(0, 0, -2)))
+    return replace(scene, visible=lambda time: np.array([True, 1 <= time < 3]))
+
+
+def test_an_object_appears_and_disappears():
+    stage = Stage(blinking(), path_of(*[np.eye(4)] * 4), display=DISPLAY)
+    centre = (54, 96)
+    ids = [stage.arrays(frame, "hr")["object_id"][(*centre, 0)] for frame in range(4)]
+    assert ids == [1, 2, 2, 1]
+    appeared, stays, gone = (stage.arrays(frame, "hr")["visibility"][(*centre, 0)] for frame in (1, 2, 3))
+    assert appeared == 3 and stays == 7 and gone == 3  # bit 2: the previous frame saw the wall, the card, the card
+    assert not stage.arrays(3, "hr")["motion"].any()
+
+
+def test_what_is_hidden_casts_no_shadow():
+    from framepairs.scene.description import Light
+
+    sun = Light(name="sun", kind="directional", radiance=(3, 3, 3), direction=(0.6, 0, -0.8))
+    stage = Stage(replace(blinking(), lights=(sun,)), path_of(*[np.eye(4)] * 2), display=DISPLAY, antialiasing=1)
+    hidden, drawn = (stage.arrays(frame, "lr_x2")["color"] for frame in (0, 1))
+    wall = stage.arrays(1, "lr_x2")["object_id"][..., 0] == 1
+    assert hidden.min() > 0 and (drawn[wall].max(-1) == 0).any()
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.diag([1.0, 0, 1, 1])])
+def test_an_object_without_extent_is_not_drawn_and_breaks_nothing(matrix):
+    poses = [at(0, 0, -2), matrix @ at(0, 0, -2), at(0, 0, -2)]
+    poses[1][3] = [0, 0, 0, 1]
+    scene = make_scene((quad(20, 20), GRAY, at(0, 0, -4)), (quad(1, 1), GRAY, lambda time: poses[round(time)]))
+    stage = Stage(scene, path_of(*[np.eye(4)] * 3), display=DISPLAY)
+    for frame, seen in ((0, 2), (1, 1), (2, 2)):
+        arrays = stage.arrays(frame, "hr")
+        assert arrays["object_id"][54, 96, 0] == seen
+        assert all(np.isfinite(array).all() for array in arrays.values())
