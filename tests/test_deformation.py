@@ -143,7 +143,8 @@ def test_an_object_without_extent_is_not_drawn_and_breaks_nothing(matrix):
     poses = [at(0, 0, -2), matrix @ at(0, 0, -2), at(0, 0, -2)]
     poses[1][3] = [0, 0, 0, 1]
     scene = make_scene((quad(20, 20), GRAY, at(0, 0, -4)), (quad(1, 1), GRAY, lambda time: poses[round(time)]))
-    stage = Stage(scene, path_of(*[np.eye(4)] * 3), display=DISPLAY)
+    path = path_of(at(0, 0, 1), at(0, 0, 1), at(0, 0, -1))  # around the render origin, which the first two see
+    stage = Stage(scene, path, display=DISPLAY)
     for frame, seen in ((0, 2), (1, 1), (2, 2)):
         arrays = stage.arrays(frame, "hr")
         assert arrays["object_id"][54, 96, 0] == seen

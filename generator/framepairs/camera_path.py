@@ -31,6 +31,8 @@ MOST_FRAMES = 10**6  # frames have names of six digits
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
+Height = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Shift = tuple[Finite, Finite]
 FieldOfView = Annotated[float, Field(gt=0, lt=180)]
 Row = tuple[Finite, Finite, Finite, Finite]
 
@@ -45,6 +47,8 @@ class Keyframe(BaseModel):
     look_at: Point | None = Field(None, description="point in world units at the image's centre")
     quaternion: Row | None = Field(None, description="world_from_camera rotation as w, x, y, z")
     fov_y_deg: FieldOfView | None = Field(None, description="vertical field of view; null: the path's")
+    height: Height | None = Field(None, description="of an orthographic view, scene units; null: the path's")
+    lens_shift: Shift | None = Field(None, description="of the image, fractions of the frame; null: the path's")
     hold: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0, description="seconds to stand still from here")
     animation: Literal["stops", "runs"] = Field("stops", description="what the scene's time does during the hold")
     cut: bool = Field(False, description="a new shot begins here")
@@ -68,6 +72,8 @@ class Pose(BaseModel):
     time: Finite = Field(description="seconds")
     world_from_camera: tuple[Row, Row, Row, Row] = Field(description="rigid 4x4 matrix, row major")
     fov_y_deg: FieldOfView | None = Field(None, description="vertical field of view; null: the path's")
+    height: Height | None = Field(None, description="of an orthographic view, scene units; null: the path's")
+    lens_shift: Shift | None = Field(None, description="of the image, fractions of the frame; null: the path's")
     cut: bool = Field(False, description="a new shot begins here")
 
     @model_validator(mode="after")
@@ -89,6 +95,9 @@ class CameraPath(BaseModel):
     version: Literal[1]
     fps: Annotated[float, Field(gt=0, le=1000)] = Field(24, description="frames per second")
     fov_y_deg: FieldOfView = Field(45, description="vertical field of view, degrees")
+    projection: Literal["perspective", "orthographic"] = Field("perspective", description="kind of the camera")
+    height: Height | None = Field(None, description="of an orthographic view, scene units")
+    lens_shift: Shift = Field((0, 0), description="of the image, fractions of the frame, x right, y down")
     near: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None, description="near plane, scene units; null: 1/1000 of the scene's diagonal"
     )
@@ -115,6 +124,11 @@ class CameraPath(BaseModel):
             raise ValueError(f"{kind}.0: the first time must be 0, not {stops[0].time:g}")
         if (stops[-1].time + getattr(stops[-1], "hold", 0)) * self.fps >= MOST_FRAMES:
             raise ValueError(f"{kind}: more than {MOST_FRAMES} frames")
+        heights = [stop.height or self.height for stop in stops]
+        if self.projection == "orthographic" and not all(heights):
+            raise ValueError("an orthographic path needs a height")
+        if self.projection == "perspective" and any(heights):
+            raise ValueError("height is of orthographic paths")
         if self.near and self.far and self.far <= self.near:
             raise ValueError("far must be greater than near")
         if self.up is not None and not any(self.up):
@@ -126,14 +140,17 @@ class CameraPath(BaseModel):
 class CameraSample:
     """The camera at one time.
 
-    world_from_camera: [4, 4] float64. fov_y: radians. shot: index of the shot, counted from 0. scene_time_s: time of the
-    scene's animation, which holds may have stopped.
+    world_from_camera: [4, 4] float64. fov_y: radians. height: of an orthographic view, scene units, None for a pinhole.
+    shift: of the image, fractions of the frame. shot: index of the shot, counted from 0. scene_time_s: time of the scene's
+    animation, which holds may have stopped.
     """
 
     world_from_camera: Matrix
     fov_y: float
     shot: int
     scene_time_s: float
+    height: float | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
 
 
 def read_camera_path(file: Path) -> CameraPath:
@@ -175,7 +192,8 @@ def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
     t = 0.0
     if following is not None and following.time > leaves and time > leaves + slack:
         t = min(max((time - leaves) / (following.time - leaves), 0.0), 1.0)
-    fov = [math.radians(s.fov_y_deg or path.fov_y_deg) for s in (stop, following or stop)]
+    lenses = [_lens(path, s) for s in (stop, following or stop)]
+    fov_y, height, *shift = ((1 - t) * a + t * b for a, b in zip(*lenses, strict=True))
     up = np.array(path.up, dtype=float) if path.up else scene_up
     if isinstance(stop, Pose):
         matrix = _between_poses(stop, following or stop, t)
@@ -183,10 +201,18 @@ def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
         matrix = _between_keyframes(path, index, following is not None, t, up)
     return CameraSample(
         world_from_camera=matrix,
-        fov_y=(1 - t) * fov[0] + t * fov[1],
+        fov_y=fov_y,
         shot=sum(s.cut for s in stops[1 : index + 1]),
         scene_time_s=_scene_time(path, time),
+        height=height if path.projection == "orthographic" else None,
+        shift=tuple(shift),
     )
+
+
+def _lens(path: CameraPath, stop: Keyframe | Pose) -> tuple[float, float, float, float]:
+    """fov_y in radians, height (0 for a perspective path), shift in x and y."""
+    shift = stop.lens_shift or path.lens_shift
+    return math.radians(stop.fov_y_deg or path.fov_y_deg), stop.height or path.height or 0.0, *shift
 
 
 def _slack(time: float) -> float:

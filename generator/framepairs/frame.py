@@ -14,20 +14,23 @@ from numpy.typing import NDArray
 from .camera_path import CameraPath, CameraSample, frame_count, make_camera_path, sample
 from .errors import InputError
 from .scene.description import Deformed, SceneDescription, rotation_from_y_up, scene_bounds
-from .transforms import Matrix, Vector, clip_from_view, look_at
+from .transforms import Matrix, Vector, clip_from_view, look_at, orthographic_clip_from_view
 
 ORIGIN_CELL_M = 4096.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraState:
-    """A pinhole camera. world_from_camera: [4, 4] rigid, looking along -z. fov_y in radians. near, far: scene units."""
+    """A camera. world_from_camera: [4, 4] rigid, looking along -z. fov_y in radians. near, far: scene units. height: of an
+    orthographic view, scene units; None for a pinhole. shift: of the image, fractions of the frame, x right, y down."""
 
     world_from_camera: Matrix
     fov_y: float
     aspect: float
     near: float
     far: float
+    height: float | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
 
     @property
     def view_from_world(self) -> Matrix:
@@ -35,7 +38,9 @@ class CameraState:
 
     @property
     def clip_from_view(self) -> Matrix:
-        return clip_from_view(self.fov_y, self.aspect, self.near, self.far)
+        if self.height is not None:
+            return orthographic_clip_from_view(self.height, self.aspect, self.near, self.far, self.shift)
+        return clip_from_view(self.fov_y, self.aspect, self.near, self.far, self.shift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +112,13 @@ class Shoot:
         near, far = self.clip_planes
         item = self.samples[frame]
         return CameraState(
-            world_from_camera=item.world_from_camera, fov_y=item.fov_y, aspect=self.aspect, near=near, far=far
+            world_from_camera=item.world_from_camera,
+            fov_y=item.fov_y,
+            aspect=self.aspect,
+            near=near,
+            far=far,
+            height=item.height,
+            shift=item.shift,
         )
 
     def objects(self, time_s: float) -> ObjectStates:

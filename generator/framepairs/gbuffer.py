@@ -6,7 +6,7 @@ from .backend import dr, mi
 from .brdf import Brdf, f0_of, look_up, pre_integrated
 from .geometry import Geometry, Pose
 from .materials import Footprint, MaterialTable, Surface, is_blended, is_opaque, opacity_of, surface_of
-from .projection import View, direction, project
+from .projection import View, direction, origin, project
 from .tracing import Hit, Triangle, trace, triangle_of
 
 # Past a layer that lets a ray through, it goes on behind this share of its parameter and of its origin's coordinates.
@@ -16,10 +16,12 @@ MOST_LAYERS = 256
 
 @dataclass(frozen=True)
 class Pixel:
-    """Derivatives of a ray's direction per pixel in x and y, and the stream's mip bias in levels."""
+    """Derivatives of a ray's direction and origin per pixel in x and y, and the stream's mip bias in levels."""
 
     ddx: mi.Vector3f
     ddy: mi.Vector3f
+    origin_ddx: mi.Vector3f
+    origin_ddy: mi.Vector3f
     bias: mi.Float
 
 
@@ -44,12 +46,14 @@ class GBuffer:
 
 def pixel_of(view: View, size: tuple[mi.Float, mi.Float], bias: mi.Float) -> Pixel:
     """The footprint of one pixel of an image of `size` pixels."""
-    return Pixel(view.across / size[0], view.down / size[1], bias)
+    across, down = (view.across, view.origin_across), (view.down, view.origin_down)
+    (ddx, origin_ddx), (ddy, origin_ddy) = ([vector / size[k] for vector in pair] for k, pair in enumerate((across, down)))
+    return Pixel(ddx, ddy, origin_ddx, origin_ddy, bias)
 
 
 def camera_ray(view: View, x: mi.Float, y: mi.Float) -> mi.Ray3f:
     """Ray through fraction (x, y) of the frame; its parameter is view_z."""
-    ray = mi.Ray3f(view.origin, direction(view, x, y))
+    ray = mi.Ray3f(origin(view, x, y), direction(view, x, y))
     ray.maxt = view.far
     return ray
 
@@ -159,13 +163,16 @@ def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel) -> Footprint:
     facing = dr.select(dr.abs(facing) > 0, facing, 1e-30)
     t = dr.dot(normal, triangle.position - ray.o) / facing
 
-    def change(derivative: mi.Vector3f) -> mi.Vector2f:
-        moved = t * (derivative - ray.d * (dr.dot(normal, derivative) / facing))
+    def change(derivative: mi.Vector3f, origin_derivative: mi.Vector3f) -> mi.Vector2f:
+        beside = t * derivative + origin_derivative
+        moved = beside - ray.d * (dr.dot(normal, beside) / facing)
         u = dr.dot(dr.cross(moved, triangle.edge2), normal) * scale
         v = dr.dot(dr.cross(triangle.edge1, moved), normal) * scale
         return u * triangle.uv_edge1 + v * triangle.uv_edge2
 
-    return Footprint(triangle.uv, change(pixel.ddx), change(pixel.ddy), pixel.bias)
+    return Footprint(
+        triangle.uv, change(pixel.ddx, pixel.origin_ddx), change(pixel.ddy, pixel.origin_ddy), pixel.bias
+    )
 
 
 def _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too) -> mi.Bool:

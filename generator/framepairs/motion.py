@@ -59,9 +59,9 @@ def motion_of(
     then = _choose(
         hit.valid,
         project(before.view, point_of(geometry.tables, before.pose, hit)),
-        project_direction(before.view, sky),
+        _sky_place(before.view, sky, x, y),
     )
-    now = _choose(hit.valid, project(view, sample.position), project_direction(view, sky))
+    now = _choose(hit.valid, project(view, sample.position), _sky_place(view, sky, x, y))
     in_front = then.z > 0
     motion = dr.select(in_front, _pixels(then, now, size), _turned_away(then, size))
     inside = in_front & (then.x >= 0) & (then.x < 1) & (then.y >= 0) & (then.y < 1)
@@ -91,12 +91,18 @@ def _dual(
     occluder = _choose(
         met.valid,
         project(view, point_of(geometry.tables, pose, met)),
-        project_direction(view, ray.d),
+        _sky_place(view, ray.d, then.x, then.y),
     )
     # y - z = (x + motion) - z, with x the sample's own place
     relative = mi.Vector2f((place[0] - occluder.x) * size[0], (place[1] - occluder.y) * size[1]) + motion
     occluded = inside & ~seen & (occluder.z > 0)
     return dr.select(occluded, relative, motion), seen
+
+
+def _sky_place(view: View, towards: mi.Vector3f, x: mi.Float, y: mi.Float) -> Projected:
+    """Where the sky of a direction appears. An orthographic camera sees one direction everywhere: its sky stands still."""
+    here = Projected(x, y, mi.Float(1), mi.Vector2f(0))
+    return _choose(view.perspective, project_direction(view, towards), here)
 
 
 def _choose(condition: mi.Bool, a: Projected, b: Projected) -> Projected:

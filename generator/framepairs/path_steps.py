@@ -173,4 +173,4 @@ def next_surface(
 
 def finest_pixel() -> Pixel:
     """A footprint without extent."""
-    return Pixel(mi.Vector3f(0), mi.Vector3f(0), mi.Float(0))
+    return Pixel(*(mi.Vector3f(0) for _ in range(4)), mi.Float(0))

@@ -1,4 +1,4 @@
-"""The pinhole camera on the device: rays from fractions of the frame, and points back to fractions of the frame."""
+"""The camera on the device: rays from fractions of the frame, and points back to fractions of the frame."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,23 @@ from .transforms import Vector
 class View:
     """A camera around the render origin, every number opaque so that frames share one kernel.
 
-    direction(x, y) = corner + x across + y down, with x, y in fractions of the frame; its component along the viewing axis
-    is 1, so that a ray's parameter is view_z. rows: view_from_render [3 x 4], the third row giving +view_z. tangent: of
-    half the field of view in x and y.
+    The ray of (x, y), fractions of the frame, starts at origin + x origin_across + y origin_down and goes along
+    corner + x across + y down, whose component along the viewing axis is 1, so that a ray's parameter is view_z. A pinhole
+    has no change of origin, an orthographic camera none of direction. rows: view_from_render [3 x 4], the third row giving
+    +view_z. tangent: of half the field of view in x and y, or half the orthographic view's extents. shift: of the image,
+    fractions of the frame. perspective: whether it is a pinhole.
     """
 
     origin: mi.Point3f
+    origin_across: mi.Vector3f
+    origin_down: mi.Vector3f
     corner: mi.Vector3f
     across: mi.Vector3f
     down: mi.Vector3f
     rows: tuple[mi.Vector4f, mi.Vector4f, mi.Vector4f]
     tangent: mi.Vector2f
+    shift: mi.Vector2f
+    perspective: mi.Bool
     near: mi.Float
     far: mi.Float
 
@@ -43,20 +49,35 @@ def view_of(camera: CameraState, render_origin: Vector) -> View:
     """Composed in float64, then rounded once."""
     rotation = camera.world_from_camera[:3, :3]
     origin = camera.world_from_camera[:3, 3] - render_origin
-    tangent_y = np.tan(camera.fov_y / 2)
-    tangent_x = tangent_y * camera.aspect
+    half_height = np.tan(camera.fov_y / 2) if camera.height is None else camera.height / 2
+    extent = np.array([half_height * camera.aspect, half_height])
     right, up, backward = rotation.T
     rows = [np.append(axis, -axis @ origin) for axis in (right, up, -backward)]
+    begin = -(1 + 2 * np.array(camera.shift)) * extent  # lateral place of the frame's corner, x right, y down
+    corner, across, down = begin[0] * right - begin[1] * up, 2 * extent[0] * right, -2 * extent[1] * up
+    nothing = np.zeros(3)
+    lens, place = (corner, across, down), (nothing, nothing, nothing)
+    if camera.height is not None:
+        lens, place = place, lens
     return View(
-        origin=opaque(mi.Point3f, origin),
-        corner=opaque(mi.Vector3f, -backward - tangent_x * right + tangent_y * up),
-        across=opaque(mi.Vector3f, 2 * tangent_x * right),
-        down=opaque(mi.Vector3f, -2 * tangent_y * up),
+        origin=opaque(mi.Point3f, origin + place[0]),
+        origin_across=opaque(mi.Vector3f, place[1]),
+        origin_down=opaque(mi.Vector3f, place[2]),
+        corner=opaque(mi.Vector3f, lens[0] - backward),
+        across=opaque(mi.Vector3f, lens[1]),
+        down=opaque(mi.Vector3f, lens[2]),
         rows=tuple(opaque(mi.Vector4f, row) for row in rows),
-        tangent=opaque(mi.Vector2f, (tangent_x, tangent_y)),
+        tangent=opaque(mi.Vector2f, extent),
+        shift=opaque(mi.Vector2f, camera.shift),
+        perspective=dr.opaque(mi.Bool, camera.height is None),
         near=dr.opaque(mi.Float, camera.near),
         far=dr.opaque(mi.Float, camera.far),
     )
+
+
+def origin(view: View, x: mi.Float, y: mi.Float) -> mi.Point3f:
+    """Where the ray through (x, y) starts, in render space."""
+    return view.origin + x * view.origin_across + y * view.origin_down
 
 
 def direction(view: View, x: mi.Float, y: mi.Float) -> mi.Vector3f:
@@ -70,12 +91,13 @@ def project(view: View, point: mi.Point3f) -> Projected:
 
 
 def project_direction(view: View, vector: mi.Vector3f) -> Projected:
-    """Where a point infinitely far away along `vector` appears; z is in units of the vector."""
+    """Where a point infinitely far away along `vector` appears to a pinhole; z is in units of the vector."""
     return _projected(view, vector, 0)
 
 
 def _projected(view: View, place, w: int) -> Projected:
     x, y, z = (r.x * place.x + r.y * place.y + r.z * place.z + (r.w if w else 0) for r in view.rows)
     lateral = mi.Vector2f(x / view.tangent.x, -y / view.tangent.y)
-    scale = 0.5 / dr.select(z > 0, z, 1)
-    return Projected(0.5 + lateral.x * scale, 0.5 + lateral.y * scale, z, lateral)
+    scale = 0.5 / dr.select((z > 0) & view.perspective, z, 1)
+    centre = 0.5 + view.shift
+    return Projected(centre.x + lateral.x * scale, centre.y + lateral.y * scale, z, lateral)

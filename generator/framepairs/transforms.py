@@ -81,11 +81,26 @@ def slerp(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> NDArray[n
     return mixed / np.linalg.norm(mixed)
 
 
-def clip_from_view(fov_y: float, aspect: float, near: float, far: float) -> Matrix:
-    """OpenGL perspective: clip x, y, z in [-w, w], w = -z. `fov_y` in radians, `aspect` = width / height."""
+def clip_from_view(
+    fov_y: float, aspect: float, near: float, far: float, shift: tuple[float, float] = (0.0, 0.0)
+) -> Matrix:
+    """OpenGL perspective: clip x, y, z in [-w, w], w = -z. `fov_y` in radians, `aspect` = width / height. `shift` moves the
+    image by fractions of the frame, x right, y down."""
     cotangent = 1 / math.tan(fov_y / 2)
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[1, 1] = cotangent / aspect, cotangent
+    matrix[0, 2], matrix[1, 2] = -2 * shift[0], 2 * shift[1]
     matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
     matrix[3, 2] = -1
+    return matrix
+
+
+def orthographic_clip_from_view(
+    height: float, aspect: float, near: float, far: float, shift: tuple[float, float] = (0.0, 0.0)
+) -> Matrix:
+    """OpenGL orthographic projection of a view `height` units high: clip x, y, z in [-1, 1], w = 1."""
+    matrix = np.eye(4)
+    matrix[0, 0], matrix[1, 1] = 2 / (height * aspect), 2 / height
+    matrix[0, 3], matrix[1, 3] = 2 * shift[0], -2 * shift[1]
+    matrix[2, 2], matrix[2, 3] = 2 / (near - far), (far + near) / (near - far)
     return matrix

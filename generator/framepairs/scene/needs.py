@@ -90,7 +90,9 @@ def _layer_need(channel: str, needed: bool, what: str) -> Need:
 
 def _motion_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> dict[str, Need]:
     pairs = [(a, b) for a, b in zip(samples, samples[1:], strict=False) if a.shot == b.shot]
-    turns = any(not np.array_equal(a.world_from_camera, b.world_from_camera) or a.fov_y != b.fov_y for a, b in pairs)
+    lenses = [((a.fov_y, a.height, a.shift), (b.fov_y, b.height, b.shift)) for a, b in pairs]
+    turns = any(not np.array_equal(a.world_from_camera, b.world_from_camera) for a, b in pairs)
+    turns = turns or any(a != b for a, b in lenses)
     travels = any(not np.array_equal(a.world_from_camera[:3, 3], b.world_from_camera[:3, 3]) for a, b in pairs)
     why = "objects move" if scene.moves else "the camera travels" if travels else "the camera turns or zooms"
     if not scene.moves and not turns:
