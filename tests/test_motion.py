@@ -194,3 +194,41 @@ def test_any_frame_alone_equals_itself_in_a_sequence_bit_for_bit():
         assert all(np.array_equal(alone[name], in_order[frame][name]) for name in alone)
     again = stage.arrays(2, "hr")
     assert all(np.array_equal(again[name], in_order[2][name]) for name in again)
+
+
+@pytest.mark.parametrize("extent", [2e3, 2e5])
+def test_motion_over_a_plane_a_thousand_times_larger_than_the_view(extent):
+    """Two triangles: float32 places on them would err by 2^-24 of their size, 0.02 and 2 pixels of 1080 here."""
+    size = (480, 1080)
+    turn = look_at(np.array([0.05, 0.02, 0.03]), np.array([0.5, 0.1, -4]), np.array([0.02, 1.0, 0]))
+    stage = Stage(
+        make_scene((quad(extent, extent), GRAY, at(0, 0, -2) @ tilted(0.3))), path_of(np.eye(4), turn), display=size
+    )
+    arrays = stage.arrays(1, "hr", frozenset({"motion", "object_id", "visibility"}))
+    camera, tan_x, tan_y = camera_basis(stage, 1)
+    x, y = fractions(*size)
+    local = np.stack([(2 * x - 1) * tan_x, (1 - 2 * y) * tan_y, -np.ones_like(x)], axis=-1)
+    ray, normal = local @ camera[:3, :3].T, tilted(0.3)[:3, 2]
+    t = ((np.array([0, 0, -2]) - camera[:3, 3]) @ normal) / (ray @ normal)
+    point = camera[:3, 3] + t[..., None] * ray
+    before, before_x, before_y = camera_basis(stage, 0)
+    expected = (project(point, before, before_x, before_y) - np.stack([x, y], -1)) * size
+    assert (arrays["object_id"] == 1).all()
+    # what is left is x = (i + 0.5) / width in float32: 2^-25 of 1080 pixels, times what the motion changes across the frame
+    assert np.abs(arrays["motion"] - expected).max() < 2e-4
+    inside = (arrays["visibility"] & 1) == 1
+    # a few pixels at the diagonal meet its other triangle, at depths that float32 places cannot tell apart
+    assert inside.mean() > 0.5 and (arrays["visibility"][inside] == 7).mean() > 0.999
+
+
+def tilted(angle: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return matrix
+
+
+def test_a_large_plane_that_stands_still_does_not_move():
+    stage = Stage(
+        make_scene((quad(1e5, 1e5), GRAY, at(0, 0, -2) @ tilted(0.3))), path_of(*[at(0.1, 0, 0)] * 2), display=DISPLAY
+    )
+    assert not stage.arrays(1, "hr")["motion"].any()

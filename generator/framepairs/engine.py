@@ -47,6 +47,7 @@ class _Moment:
     view: View
     previous_pose: Pose
     previous_view: View
+    precise_views: tuple[View, View]
     moves_on: mi.Bool
     lights: Lights
 
@@ -72,6 +73,9 @@ class Engine:
             view=view_of(frame.camera, frame.render_origin),
             previous_pose=previous_pose,
             previous_view=view_of(frame.previous_camera, frame.render_origin),
+            precise_views=tuple(
+                view_of(camera, frame.render_origin, precise=True) for camera in (frame.camera, frame.previous_camera)
+            ),
             moves_on=dr.opaque(mi.Bool, not frame.reset),
             lights=lights_around(self.scene, self.shading.mesh_lights, frame),
         )
@@ -122,12 +126,23 @@ class Engine:
         before = Before(
             pose=moment.previous_pose,
             view=moment.previous_view,
+            precise_view=moment.precise_views[1],
             pixel=pixel_of(moment.previous_view, size, pixel.bias),
             exists=moment.moves_on,
         )
         shading = self.shading
         moved: Motion = motion_of(
-            shading.geometry, shading.materials, moment.pose, moment.view, before, sample, x, y, size, occlusion
+            shading.geometry,
+            shading.materials,
+            moment.pose,
+            moment.view,
+            moment.precise_views[0],
+            before,
+            sample,
+            x,
+            y,
+            size,
+            occlusion,
         )
         return {"motion": moved.motion, "dual_motion": moved.dual_motion, "visibility": moved.visibility}
 

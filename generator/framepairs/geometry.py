@@ -30,10 +30,12 @@ class Tables:
 @dataclass(frozen=True)
 class Pose:
     """The scene at one time. scene: what rays are traced through. render_from_object: [12 objects], rows of 3x4 matrices
-    into the space around the render origin. positions, normals: [3 V] in object space. hidden: [objects], not drawn."""
+    into the space around the render origin, and precise_from_object the same in float64. positions, normals: [3 V] in
+    object space. hidden: [objects], not drawn."""
 
     scene: mi.Scene
     render_from_object: mi.Float
+    precise_from_object: mi.Float64
     positions: mi.Float
     normals: mi.Float
     hidden: mi.Bool
@@ -41,8 +43,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class _Placement:
-    """All objects around a render origin. matrices: [objects, 3, 4]. hidden: [objects], also where a matrix is singular."""
+    """All objects around a render origin. precise, matrices: [objects, 3, 4], float64 and rounded. hidden: [objects], also
+    where a matrix is singular."""
 
+    precise: NDArray[np.float64]
     matrices: NDArray[np.float32]
     hidden: NDArray[np.bool_]
     deformed: dict[int, Deformed]
@@ -161,7 +165,8 @@ class Geometry:
                     arrays[1][first : first + len(vertices.positions)] = vertices.normals
             positions, normals = (mi.Float(array.ravel()) for array in arrays)
         hidden = placed.hidden if len(placed.hidden) else np.zeros(1, dtype=bool)
-        return Pose(scene, _upload(placed.matrices), positions, normals, mi.Bool(hidden))
+        precise = mi.Float64(placed.precise.ravel()) if placed.precise.size else dr.opaque(mi.Float64, 0)
+        return Pose(scene, _upload(placed.matrices), precise, positions, normals, mi.Bool(hidden))
 
     def _retabulate(self) -> None:
         numbers = [_registry_numbers(slot.shapes) for slot in self._slots]
@@ -182,14 +187,16 @@ class _Slot:
 
 
 def _placement(states: ObjectStates, origin: NDArray[np.float64]) -> _Placement:
-    matrices = _around(states.world_from_object, origin)
+    precise = states.world_from_object[:, :3, :].copy()
+    precise[:, :, 3] -= origin
+    matrices = np.ascontiguousarray(precise, dtype=np.float32)
     regular = np.abs(np.linalg.det(matrices[:, :, :3].astype(np.float64))) > 0
     hidden = ~(states.visible & regular)
-    digest = hashlib.blake2b(matrices.tobytes() + hidden.tobytes())
+    digest = hashlib.blake2b(precise.tobytes() + hidden.tobytes())
     for mesh, vertices in sorted(states.deformed.items()):
         digest.update(mesh.to_bytes(4, "little") + vertices.positions.tobytes())
         digest.update(b"" if vertices.normals is None else vertices.normals.tobytes())
-    return _Placement(matrices, hidden, states.deformed, digest.digest())
+    return _Placement(precise, matrices, hidden, states.deformed, digest.digest())
 
 
 def _regular(matrix: NDArray) -> NDArray:
@@ -200,13 +207,6 @@ def _regular(matrix: NDArray) -> NDArray:
 def _moved(positions: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     exact = matrix.astype(np.float64)
     return (positions.astype(np.float64) @ exact[:, :3].T + exact[:, 3]).astype(np.float32)
-
-
-def _around(matrices: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[objects, 3, 4] float32, composed in float64."""
-    shifted = matrices[:, :3, :].copy()
-    shifted[:, :, 3] -= origin
-    return np.ascontiguousarray(shifted, dtype=np.float32)
 
 
 def _full(matrix: NDArray) -> list:

@@ -11,6 +11,7 @@ from .channels import IN_FRONT_OF_PREVIOUS_CAMERA, INSIDE_PREVIOUS_FRAME, SEEN_B
 from .gbuffer import GBuffer, Pixel, camera_ray, first_solid
 from .geometry import Geometry, Pose
 from .materials import MaterialTable
+from .precise import is_large, precise_motion
 from .projection import Projected, View, direction, project, project_direction
 from .tracing import point_of
 
@@ -30,10 +31,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Before:
-    """The previous frame: pose, view, the pixel's footprint in it, and whether there is one (false on a reset)."""
+    """The previous frame: pose, view (and the same in float64), the pixel's footprint in it, and whether there is one
+    (false on a reset)."""
 
     pose: Pose
     view: View
+    precise_view: View
     pixel: Pixel
     exists: mi.Bool
 
@@ -43,6 +46,7 @@ def motion_of(
     materials: MaterialTable,
     pose: Pose,
     view: View,
+    precise_view: View,
     before: Before,
     sample: GBuffer,
     x: mi.Float,
@@ -62,8 +66,10 @@ def motion_of(
         _sky_place(before.view, sky, x, y),
     )
     now = _choose(hit.valid, project(view, sample.position), _sky_place(view, sky, x, y))
+    then, apart = _refined(geometry, pose, view, precise_view, before, sample, x, y, then, now)
     in_front = then.z > 0
-    motion = dr.select(in_front, _pixels(then, now, size), _turned_away(then, size))
+    motion = mi.Vector2f(apart.x * size[0], apart.y * size[1])
+    motion = dr.select(in_front, motion, _turned_away(then, size))
     inside = in_front & (then.x >= 0) & (then.x < 1) & (then.y >= 0) & (then.y < 1)
     dual, seen = motion, mi.Bool(False)
     if with_occlusion:
@@ -76,6 +82,21 @@ def motion_of(
         dual_motion=dr.select(before.exists, dual, 0),
         visibility=dr.select(before.exists, bits, 0),
     )
+
+
+@dr.syntax
+def _refined(
+    geometry, pose, view, precise_view, before, sample, x, y, then: Projected, now: Projected
+) -> tuple[Projected, mi.Vector2f]:
+    """(previous place, previous minus present place in fractions of the frame), in float64 on large triangles."""
+    place, z, apart = mi.Point2f(then.x, then.y), mi.Float(then.z), mi.Vector2f(then.x - now.x, then.y - now.y)
+    hit = sample.hit
+    large = is_large(geometry, pose, view, hit, sample.depth)
+    if dr.hint(large, exclude=[geometry, pose, view, precise_view, before, sample, hit, then, now]):
+        place, z, apart = precise_motion(
+            geometry, pose, before.pose, precise_view, before.precise_view, hit, x, y
+        )
+    return Projected(place.x, place.y, z, then.lateral), apart
 
 
 def _dual(
@@ -107,10 +128,6 @@ def _sky_place(view: View, towards: mi.Vector3f, x: mi.Float, y: mi.Float) -> Pr
 
 def _choose(condition: mi.Bool, a: Projected, b: Projected) -> Projected:
     return Projected(*(dr.select(condition, *pair) for pair in zip(vars(a).values(), vars(b).values(), strict=True)))
-
-
-def _pixels(then: Projected, now: Projected, size: tuple[mi.Float, mi.Float]) -> mi.Vector2f:
-    return mi.Vector2f((then.x - now.x) * size[0], (then.y - now.y) * size[1])
 
 
 def _turned_away(then: Projected, size: tuple[mi.Float, mi.Float]) -> mi.Vector2f:

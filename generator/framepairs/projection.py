@@ -45,8 +45,12 @@ class Projected:
     lateral: mi.Vector2f
 
 
-def view_of(camera: CameraState, render_origin: Vector) -> View:
-    """Composed in float64, then rounded once."""
+def view_of(camera: CameraState, render_origin: Vector, precise: bool = False) -> View:
+    """Composed in float64, then rounded once, or kept in float64 where `precise`."""
+    single = (mi.Float, mi.Vector2f, mi.Vector3f, mi.Point3f, mi.Vector4f)
+    scalar, vector2, vector3, point3, vector4 = (
+        (mi.Float64, mi.Vector2d, mi.Vector3d, mi.Point3d, mi.Vector4d) if precise else single
+    )
     rotation = camera.world_from_camera[:3, :3]
     origin = camera.world_from_camera[:3, 3] - render_origin
     half_height = np.tan(camera.fov_y / 2) if camera.height is None else camera.height / 2
@@ -60,18 +64,18 @@ def view_of(camera: CameraState, render_origin: Vector) -> View:
     if camera.height is not None:
         lens, place = place, lens
     return View(
-        origin=opaque(mi.Point3f, origin + place[0]),
-        origin_across=opaque(mi.Vector3f, place[1]),
-        origin_down=opaque(mi.Vector3f, place[2]),
-        corner=opaque(mi.Vector3f, lens[0] - backward),
-        across=opaque(mi.Vector3f, lens[1]),
-        down=opaque(mi.Vector3f, lens[2]),
-        rows=tuple(opaque(mi.Vector4f, row) for row in rows),
-        tangent=opaque(mi.Vector2f, extent),
-        shift=opaque(mi.Vector2f, camera.shift),
+        origin=opaque(point3, origin + place[0]),
+        origin_across=opaque(vector3, place[1]),
+        origin_down=opaque(vector3, place[2]),
+        corner=opaque(vector3, lens[0] - backward),
+        across=opaque(vector3, lens[1]),
+        down=opaque(vector3, lens[2]),
+        rows=tuple(opaque(vector4, row) for row in rows),
+        tangent=opaque(vector2, extent),
+        shift=opaque(vector2, camera.shift),
         perspective=dr.opaque(mi.Bool, camera.height is None),
-        near=dr.opaque(mi.Float, camera.near),
-        far=dr.opaque(mi.Float, camera.far),
+        near=dr.opaque(scalar, camera.near),
+        far=dr.opaque(scalar, camera.far),
     )
 
 
@@ -97,7 +101,7 @@ def project_direction(view: View, vector: mi.Vector3f) -> Projected:
 
 def _projected(view: View, place, w: int) -> Projected:
     x, y, z = (r.x * place.x + r.y * place.y + r.z * place.z + (r.w if w else 0) for r in view.rows)
-    lateral = mi.Vector2f(x / view.tangent.x, -y / view.tangent.y)
+    lateral = type(view.tangent)(x / view.tangent.x, -y / view.tangent.y)
     scale = 0.5 / dr.select((z > 0) & view.perspective, z, 1)
     centre = 0.5 + view.shift
     return Projected(centre.x + lateral.x * scale, centre.y + lateral.y * scale, z, lateral)
