@@ -107,7 +107,7 @@ class Stage:
         from framepairs.plan import plan_streams
 
         self.plan = plan_of(**plan)
-        self.shoot = Shoot(scene, path, self.plan.display[0] / self.plan.display[1])
+        self.shoot = Shoot(scene, path, self.plan.display[0] / self.plan.display[1], self.plan.motion_offsets)
         self.engine = Engine(scene, self.plan)
         self.streams = {stream.name: stream for stream in plan_streams(self.plan)}
 

@@ -1,6 +1,8 @@
 """The channel table: what each channel of a corpus is called, holds, and means. Everything else iterates it."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 
@@ -108,5 +110,32 @@ CHANNELS: tuple[Channel, ...] = (
 )
 
 CHANNEL = {channel.name: channel for channel in CHANNELS}
+
+
+def motion_name(offset: int) -> str:
+    """The channel that leads to the frame `offset` frames later: `motion` for -1, `motion_m2` for -2, `motion_p1` for 1."""
+    return "motion" if offset == -1 else f"motion_{'m' if offset < 0 else 'p'}{abs(offset)}"
+
+
+def channels_with(offsets: Sequence[int]) -> tuple[Channel, ...]:
+    """The table, and a row for motion to each further frame offset."""
+    return CHANNELS + tuple(_motion_row(offset) for offset in offsets)
+
+
+def channel_named(name: str) -> Channel | None:
+    """The row of a name, also of motion to any frame offset; None where there is none."""
+    further = re.fullmatch(r"motion_([mp])([1-9][0-9]{0,3})", name)
+    if further and name != "motion_m1":
+        return _motion_row(int(further[2]) * (-1 if further[1] == "m" else 1))
+    return CHANNEL.get(name)
+
+
+def _motion_row(offset: int) -> Channel:
+    frames = f"{abs(offset)} frame{'s' if abs(offset) > 1 else ''} {'before' if offset < 0 else 'after'}"
+    meaning = f"place of the surface point {frames} minus its current place, without jitter, not dilated"
+    needed_by = "plans that ask for it, of sequences in which the camera or an object moves"
+    return replace(CHANNEL["motion"], name=motion_name(offset), meaning=meaning, needed_by=needed_by)
+
+
 MOTION_CHANNELS = ("motion", "dual_motion", "visibility")
 INSIDE_PREVIOUS_FRAME, IN_FRONT_OF_PREVIOUS_CAMERA, SEEN_BY_PREVIOUS_CAMERA = 1, 2, 4

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import CHANNEL
+from .channels import CHANNEL, channel_named
 from .conventions import frame_name
 from .errors import InputError
 from .exr import read_checked
@@ -55,7 +55,7 @@ class Corpus:
 
         Raises InputError that names the file, or the channel that the corpus does not hold.
         """
-        if channel not in CHANNEL:
+        if channel_named(channel) is None:
             raise InputError(f"unknown channel {channel!r}; known are {', '.join(CHANNEL)}")
         entry = self.sequence(sequence)
         if channel in entry.channels:
@@ -77,14 +77,14 @@ class Corpus:
 
     def _read_file(self, sequence: str, stream: str, channel: str, frame: int) -> NDArray:
         file, sha256 = self.file_of(sequence, stream, channel, frame)
-        array = read_checked(file, sha256 if self.check else None, CHANNEL[channel].exr)
+        array = read_checked(file, sha256 if self.check else None, channel_named(channel).exr)
         width, height = self.record(sequence, frame).streams[stream].size
         if array.shape[:2] != (height, width):
             raise InputError(f"is {array.shape[1]}x{array.shape[0]}, not {width}x{height}", file=file, frame=frame)
-        return array.astype(np.uint32 if CHANNEL[channel].dtype == "uint" else np.float32, copy=False)
+        return array.astype(np.uint32 if channel_named(channel).dtype == "uint" else np.float32, copy=False)
 
     def _constant(self, sequence: str, stream: str, channel: str, frame: int) -> NDArray:
-        constant, row = self.sequence(sequence).constants[channel], CHANNEL[channel]
+        constant, row = self.sequence(sequence).constants[channel], channel_named(channel)
         if constant.same_as:
             return self.read(sequence, stream, constant.same_as, frame)
         record = self.record(sequence, frame)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .backend import dr, mi
 from .brdf import Brdf
 from .brdf_tables import brdf_table
-from .channels import MOTION_CHANNELS
+from .channels import MOTION_CHANNELS, motion_name
 from .conventions import Stream
 from .frame import FrameState
 from .gbuffer import GBuffer, Pixel, gbuffer, pixel_of
@@ -49,6 +49,7 @@ class _Moment:
     previous_view: View
     precise_views: tuple[View, View]
     moves_on: mi.Bool
+    others: dict[int, Before]
     lights: Lights
 
 
@@ -77,6 +78,7 @@ class Engine:
                 view_of(camera, frame.render_origin, precise=True) for camera in (frame.camera, frame.previous_camera)
             ),
             moves_on=dr.opaque(mi.Bool, not frame.reset),
+            others={k: self._other(frame, k) for k in frame.others if motion_name(k) in channels},
             lights=lights_around(self.scene, self.shading.mesh_lights, frame),
         )
         length = jitter_length(self.plan, stream.scale)
@@ -111,7 +113,10 @@ class Engine:
         sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
         columns = _gbuffer_columns(sample, mi.UInt32(i))
         if channels & set(MOTION_CHANNELS):
-            columns |= self._motion_columns(moment, stream, sample, x, y, size, pixel, channels)
+            columns |= self._motion_columns(moment, sample, x, y, size, pixel, channels)
+        for offset, other in moment.others.items():
+            self.passes["motion"] += 1
+            columns[motion_name(offset)] = self._motion(moment, other, sample, x, y, size, False).motion
         if stream.samples == 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
             self.passes["radiance"] += 1
             columns |= _radiance_columns(
@@ -119,7 +124,7 @@ class Engine:
             )
         return columns
 
-    def _motion_columns(self, moment, stream, sample: GBuffer, x, y, size, pixel: Pixel, channels) -> dict:
+    def _motion_columns(self, moment: _Moment, sample: GBuffer, x, y, size, pixel: Pixel, channels) -> dict:
         occlusion = bool(channels & {"dual_motion", "visibility"})
         self.passes["motion"] += 1
         self.passes["dual_motion"] += occlusion
@@ -130,21 +135,24 @@ class Engine:
             pixel=pixel_of(moment.previous_view, size, pixel.bias),
             exists=moment.moves_on,
         )
-        shading = self.shading
-        moved: Motion = motion_of(
-            shading.geometry,
-            shading.materials,
-            moment.pose,
-            moment.view,
-            moment.precise_views[0],
-            before,
-            sample,
-            x,
-            y,
-            size,
-            occlusion,
-        )
+        moved = self._motion(moment, before, sample, x, y, size, occlusion)
         return {"motion": moved.motion, "dual_motion": moved.dual_motion, "visibility": moved.visibility}
+
+    def _motion(self, moment: _Moment, before: Before, sample: GBuffer, x, y, size, occlusion: bool) -> Motion:
+        tables = self.shading.geometry, self.shading.materials
+        now = moment.pose, moment.view, moment.precise_views[0]
+        return motion_of(*tables, *now, before, sample, x, y, size, occlusion)
+
+    def _other(self, frame: FrameState, offset: int) -> Before:
+        other, origin = frame.others[offset], frame.render_origin
+        view = view_of(other.camera, origin)
+        return Before(
+            pose=self.shading.geometry.pose_without_rays(other.objects, origin),
+            view=view,
+            precise_view=view_of(other.camera, origin, precise=True),
+            pixel=pixel_of(view, (mi.Float(1), mi.Float(1)), mi.Float(0)),
+            exists=dr.opaque(mi.Bool, other.exists),
+        )
 
     @dr.syntax
     def _averaged(self, moment: _Moment, stream: Stream) -> dict:

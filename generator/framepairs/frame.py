@@ -53,10 +53,20 @@ class ObjectStates:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OtherTime:
+    """Another frame of the same shot; where there is none, `exists` is false and the rest is the present frame's."""
+
+    camera: CameraState
+    objects: ObjectStates
+    exists: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrameState:
     """One frame. On a reset (frame 0 of the path, or the first after a cut) the previous state equals the current.
 
-    objects, previous_objects: where they are, which are drawn, and the vertices of those that deform. render_origin: [3],
+    objects, previous_objects: where they are, which are drawn, and the vertices of those that deform. others: by frame
+    offset, what further motion leads to. render_origin: [3],
     the point that the passes take as (0, 0, 0) so that float32 resolves what lies around the camera.
     """
 
@@ -69,6 +79,7 @@ class FrameState:
     previous_camera: CameraState
     objects: ObjectStates
     previous_objects: ObjectStates
+    others: dict[int, OtherTime]
     render_origin: Vector
 
 
@@ -79,6 +90,7 @@ class Shoot:
     scene: SceneDescription
     path: CameraPath
     aspect: float
+    motion_offsets: tuple[int, ...] = ()
 
     @cached_property
     def samples(self) -> tuple[CameraSample, ...]:
@@ -129,7 +141,7 @@ class Shoot:
             visible = scene.visible(time_s) if scene.visible else np.ones(len(scene.objects), dtype=bool)
             deformed = scene.deformed(time_s) if scene.deformed else {}
             kept = ObjectStates(world_from_object=scene.world_from_object(time_s), visible=visible, deformed=deformed)
-            while len(self._kept) > 1:
+            while len(self._kept) > 1 + len(self.motion_offsets):
                 del self._kept[next(iter(self._kept))]
             self._kept[time_s] = kept
         return kept
@@ -152,8 +164,15 @@ class Shoot:
             previous_camera=self.camera(before),
             objects=self.objects(self.samples[frame].scene_time_s),
             previous_objects=self.objects(self.samples[before].scene_time_s),
+            others={offset: self._other(frame, offset) for offset in self.motion_offsets},
             render_origin=self._origins[frame],
         )
+
+    def _other(self, frame: int, offset: int) -> OtherTime:
+        there = frame + offset
+        exists = 0 <= there < len(self) and self.samples[there].shot == self.samples[frame].shot
+        there = there if exists else frame
+        return OtherTime(camera=self.camera(there), objects=self.objects(self.samples[there].scene_time_s), exists=exists)
 
     def __len__(self) -> int:
         return len(self.samples)

@@ -29,11 +29,11 @@ class Tables:
 
 @dataclass(frozen=True)
 class Pose:
-    """The scene at one time. scene: what rays are traced through. render_from_object: [12 objects], rows of 3x4 matrices
+    """The scene at one time. scene: what rays are traced through, if any. render_from_object: [12 objects], 3x4 matrices
     into the space around the render origin, and precise_from_object the same in float64. positions, normals: [3 V] in
     object space. hidden: [objects], not drawn."""
 
-    scene: mi.Scene
+    scene: mi.Scene | None
     render_from_object: mi.Float
     precise_from_object: mi.Float64
     positions: mi.Float
@@ -88,6 +88,10 @@ class Geometry:
         self.hides |= bool(now.hidden.any() or before.hidden.any())
         current = self._slot(now, avoid=before.key).pose
         return current, current if now.key == before.key else self._slot(before, avoid=now.key).pose
+
+    def pose_without_rays(self, states: ObjectStates, origin: NDArray[np.float64]) -> Pose:
+        """Where everything is at another time, for motion alone: nothing can be traced through it."""
+        return self._pose(None, _placement(states, origin))
 
     def _slot(self, placed: _Placement, avoid: bytes) -> "_Slot":
         for slot in self._slots:
@@ -154,7 +158,7 @@ class Geometry:
             scene.set_dirty(changed)
             scene.update()
 
-    def _pose(self, scene: mi.Scene, placed: _Placement) -> Pose:
+    def _pose(self, scene: mi.Scene | None, placed: _Placement) -> Pose:
         positions, normals = self._still
         if placed.deformed:
             arrays = [array.copy() for array in self._vertices]

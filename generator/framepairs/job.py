@@ -7,7 +7,7 @@ from pathlib import Path
 from .backend import mi, versions
 from .brdf_tables import brdf_table, table_channel
 from .camera_path import CameraPath
-from .channels import CHANNELS, Channel
+from .channels import Channel, channels_with
 from .conventions import CONVENTIONS, Stream
 from .errors import InputError
 from .exr import encode
@@ -45,7 +45,7 @@ class Job:
 
     @cached_property
     def shoot(self) -> Shoot:
-        return Shoot(self.scene, self.path, self.plan.display[0] / self.plan.display[1])
+        return Shoot(self.scene, self.path, self.plan.display[0] / self.plan.display[1], self.plan.motion_offsets)
 
     @cached_property
     def sequence(self) -> str:
@@ -56,14 +56,19 @@ class Job:
         return channel_needs(self.scene, self.shoot.samples, self.plan)
 
     @cached_property
+    def table(self) -> tuple[Channel, ...]:
+        """Every channel that there could be."""
+        return channels_with(self.plan.motion_offsets)
+
+    @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """Channels that become files."""
         chosen = self.plan.channels
         if chosen == "all":
-            return CHANNELS
+            return self.table
         if chosen == "needed":
-            return tuple(channel for channel in CHANNELS if self.needs[channel.name].needed)
-        return tuple(channel for channel in CHANNELS if channel.name in chosen)
+            return tuple(channel for channel in self.table if self.needs[channel.name].needed)
+        return tuple(channel for channel in self.table if channel.name in chosen)
 
     @cached_property
     def scene_sha256(self) -> str:
@@ -113,7 +118,7 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
         backend=mi.variant(),
         versions=versions(),
         conventions=CONVENTIONS,
-        channels=[_channel_row(channel) for channel in CHANNELS],
+        channels=[_channel_row(channel) for channel in job.table],
         streams=[_stream_row(job.plan, stream) for stream in plan_streams(job.plan)],
         brdf_table=table,
         sequences={**sequences, job.sequence: entry},

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from .channels import CHANNEL
+from .channels import channels_with
 from .conventions import (
     AntialiasingPattern,
     BrdfModel,
@@ -69,6 +69,9 @@ class RenderPlan(BaseModel):
     softplus_beta: Annotated[float, Field(gt=0, le=1e6)] = Field(
         100.0, description="softplus: divide by log(1 + exp(beta F_beta)) / beta (FuseSR: 100)"
     )
+    motion_offsets: tuple[Annotated[int, Field(ge=-64, le=64)], ...] = Field(
+        (), description="further frame offsets of motion: -2 gives motion_m2, 1 gives motion_p1"
+    )
     channels: Literal["needed", "all"] | tuple[str, ...] = Field("needed", description="which channels are files")
     color_precision: Literal["half", "float"] = Field("half", description="dtype of colour, emission and brdf")
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="seed of the light paths (path)")
@@ -83,9 +86,12 @@ class RenderPlan(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> "RenderPlan":
         if not isinstance(self.channels, str):
-            unknown = [name for name in self.channels if name not in CHANNEL]
+            known = [channel.name for channel in channels_with(self.motion_offsets)]
+            unknown = [name for name in self.channels if name not in known]
             if unknown:
-                raise ValueError(f"channels: unknown {unknown[0]!r}; known are {', '.join(CHANNEL)}")
+                raise ValueError(f"channels: unknown {unknown[0]!r}; known are {', '.join(known)}")
+        if {-1, 0} & set(self.motion_offsets) or len(set(self.motion_offsets)) != len(self.motion_offsets):
+            raise ValueError("motion_offsets: each but -1 (always there) and 0, and once")
         for what, values in (("scales", self.scales), ("variants", self.variants)):
             if len(set(values)) != len(values):
                 raise ValueError(f"{what}: {values} names one value twice")

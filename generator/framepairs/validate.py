@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import CHANNELS, SEEN_BY_PREVIOUS_CAMERA
+from .channels import SEEN_BY_PREVIOUS_CAMERA, channels_with
 from .consistency import warp_consistency
 from .corpus import Corpus
 from .errors import InputError
@@ -190,7 +190,8 @@ def _check_surplus(corpus: Corpus, sequence: str, found: _Findings) -> None:
 def _read(corpus: Corpus, sequence: str, stream: str, frame: int, readers, found: _Findings) -> dict[str, NDArray]:
     """All channels that can be read; what cannot is found."""
     entry = corpus.sequence(sequence)
-    names = [c.name for c in CHANNELS if c.name in entry.channels or c.name in entry.constants]
+    table = channels_with(corpus.manifest.plan.motion_offsets)
+    names = [c.name for c in table if c.name in entry.channels or c.name in entry.constants]
     futures = {name: readers.submit(corpus.read, sequence, stream, name, frame) for name in names}
     arrays = {}
     for name, future in futures.items():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera_path import CameraSample
-from ..channels import CHANNELS
+from ..channels import channels_with, motion_name
 from ..plan import RenderPlan
 from .description import Material, SceneDescription
 
@@ -37,8 +37,14 @@ def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample], plan
         "transparency": _layer_need("transparency", any(m.alpha == "blend" for m in scene.materials), "blended materials"),
         "overlay": _layer_need("overlay", False, "overlays"),
     }
-    always = {name: Need(channel=name, needed=True, why="every scene needs it") for name in (c.name for c in CHANNELS)}
-    return {name: found.get(name, need) for name, need in always.items()}
+    names = [channel.name for channel in channels_with(plan.motion_offsets)]
+    always = {name: Need(channel=name, needed=True, why="every scene needs it") for name in names}
+    needs = {name: found.get(name, need) for name, need in always.items()}
+    for name in map(motion_name, plan.motion_offsets):
+        moving = needs["motion"].needed
+        why = "the plan asks for it" if moving else needs["motion"].why
+        needs[name] = Need(channel=name, needed=moving, why=why, same_as=None if moving else "motion")
+    return needs
 
 
 def _material_needs(scene: SceneDescription, plan: RenderPlan) -> dict[str, Need]:
