@@ -306,3 +306,28 @@ def test_ambient_occlusion_darkens_ambient_light_only_and_only_when_asked():
         assert made.engine.shading.occludes == bool(occlusion)
         images.append(made.arrays(0, "lr_x1", COLOR)["color"])
     assert images[1].mean() < 0.5 * images[0].mean() and np.array_equal(images[2], images[3])
+
+
+def test_a_light_on_a_surface_shows_in_a_glossy_one_as_if_it_hung_below_it():
+    """A panel in the plane of the ceiling: rays of the lobe meet light and ceiling at one distance, but for rounding."""
+    means = []
+    for gap in (0.0, 0.01):
+        ceiling = (quad(30, 30), Material(name="ceiling", base_color=(0.5, 0.5, 0.5)), facing_down(at(0.1, 2, -4)))
+        metal = Material(name="floor", base_color=(1, 1, 1), metallic=1.0, roughness=0.1)
+        floor = (quad(30, 30), metal, facing_up(at(0, -1, -4)))
+        panel = Light(
+            name="panel", kind="rectangle", radiance=(5, 5, 5), position=(0, 2 - gap, -9), direction=(0, -1, 0),
+            half_u=(5, 0, 0), half_v=(0, 0, 5),
+        )  # fmt: skip
+        stage = Stage(make_scene(ceiling, floor, lights=(panel,)), path_of(np.eye(4)), display=(96, 54), scales=(1,))
+        arrays = stage.arrays(0, "lr_x1", frozenset({"color", "object_id"}))
+        means.append(arrays["color"][arrays["object_id"][..., 0] == 2].mean())
+    assert means[0] == pytest.approx(means[1], rel=0.03)  # the panel is a centimetre nearer of three metres
+
+
+def facing_up(matrix: np.ndarray) -> np.ndarray:
+    return matrix @ np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+
+
+def facing_down(matrix: np.ndarray) -> np.ndarray:
+    return matrix @ np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])

@@ -108,15 +108,15 @@ def test_a_mask_covers_as_much_far_away_as_it_does_closely(opacity):
         table = build_materials(scene, settings=settings)
         for level in (0, 2, 3):
             count = 32 >> level
-            j, i = np.indices((count, count)) + 0.5
             slope = (mi.Vector2f(1 / count, 0), mi.Vector2f(0, 1 / count))
-            centres = mi.Point2f((i / count).ravel().astype(np.float32), (j / count).ravel().astype(np.float32))
-            footprint = Footprint(centres, *slope, mi.Float(0))
+            places = mi.Point2f(np.random.default_rng(level).random((2, 40_000)).astype(np.float32))
+            footprint = Footprint(places, *slope, mi.Float(0))
             opaque = opacity_of(table, first_material(footprint), footprint, mi.Bool(True))
             shares[settings.mask_coverage, level] = np.array(opaque).mean()
-    assert 0.1 < shares[True, 0] == shares[False, 0] < 0.4
+    assert 0.05 < shares[True, 0] == shares[False, 0] < 0.4
     for level in (2, 3):
-        assert abs(shares[True, level] - shares[True, 0]) <= 1 / (32 >> level) ** 2
+        # 16 places of each of 64 or 16 texels stand for all, and 40 000 random ones here
+        assert abs(shares[True, level] - shares[True, 0]) <= 0.02
         assert shares[False, level] < 0.5 * shares[False, 0]
 
 

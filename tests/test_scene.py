@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from framepairs.errors import InputError
-from framepairs.scene import load_scene
+from framepairs.scene import light_scene, load_scene
 from usd_stages import BINDING, POINTS, QUAD, load, placed, prim, usd
 
 ROUNDING = 32 * np.finfo(np.float64).eps
@@ -141,16 +142,17 @@ def test_prims_that_are_not_read_are_named(tmp_path):
 
 
 def test_prototypes_of_an_instancer_are_not_drawn_in_their_own_place(tmp_path):
-    many = "rel prototypes = [</many/m>]", "int[] protoIndices = [0]", "point3f[] positions = [(0,0,0)]"
-    scene = load(tmp_path, prim("PointInstancer", "many", *many, prim("Mesh", "m", QUAD)))
-    assert scene.objects == () and scene.not_read == ("PointInstancer /many",)
+    many = "rel prototypes = [</many/m>]", "int[] protoIndices = [0]", "point3f[] positions = [(7,0,0)]"
+    scene = load(tmp_path, prim("PointInstancer", "many", *many, prim("Mesh", "m", QUAD, FLAT)))
+    assert [item.name for item in scene.objects] == ["/many[0]/m"] and scene.not_read == ()
+    np.testing.assert_array_equal(scene.world_from_object(0)[0, :3, 3], [7, 0, 0])
 
 
-def test_points_that_move_are_drawn_as_they_begin_and_named(tmp_path):
+def test_points_that_move_belong_to_one_object_and_begin_at_time_0(tmp_path):
     moving = POINTS.replace(" = [", ".timeSamples = { 0: [") + ", 5: [(9,0,0), (2,0,0), (2,1,0), (0,1,0), (1,3,0)] }"
     scene = load(tmp_path, prim("Mesh", "m", QUAD.replace(POINTS, moving), FLAT))
     assert scene.meshes[0].positions[:, 0].max() == 2
-    assert any("/m" in sentence for sentence in scene.not_read)
+    assert scene.meshes[0].deforms and scene.objects[0].moves and scene.not_read == ()
 
 
 def test_colours_of_meshes_without_material_are_named(tmp_path):
@@ -184,3 +186,16 @@ def test_broken_stages_are_named_with_the_prim(tmp_path, text, says):
     file = usd(tmp_path, text)
     with pytest.raises(InputError, match=f"^{file}[,:].*{says}"):
         load_scene(file)
+
+
+def test_an_environment_with_texels_that_are_no_radiance_is_drawn_and_named(tmp_path):
+    file = tmp_path / "sky.exr"
+    texels = np.ones((4, 8, 3), np.float32)
+    texels[0, 0], texels[1, 1, 0], texels[2, 2, 1] = np.inf, -3, np.nan
+    with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": texels}) as image:
+        image.write(str(file))
+    (tmp_path / "s.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    lit, _ = light_scene(load_scene(tmp_path / "s.obj"), file)
+    sky = lit.environment.texels
+    assert np.isfinite(sky).all() and sky.min() == 0 and sky[0, 0].tolist() == [65504] * 3 and sky[2, 2].tolist() == [1, 0, 1]
+    assert [line for line in lit.not_read if line.startswith("3 texels of environment sky.exr")]

@@ -79,3 +79,19 @@ def test_raster_is_the_split_sum_and_path_the_integral(roughness, cosine):
     assert np.abs(path - exact).max() < 5 * error.max() and error.max() < 0.01 * exact.max()
     # so the distance between the modes is the split sum's own error, to what the two lines above leave
     assert np.abs((raster - path) - (approximate - exact)).max() < 0.01 * approximate.max() + 5 * error.max()
+
+
+@pytest.mark.parametrize("mode", ["raster", "path"])
+def test_a_sun_beyond_half_precision_keeps_its_light(mode):
+    """One texel of 64 x 128 shines: what it lights is proportional to its radiance, whatever textures can hold."""
+    metal = Material(name="metal", base_color=(1, 1, 1), metallic=1.0, roughness=0.75)
+    camera = path_of(look_at(np.array([0, 0, 10.0]), np.zeros(3), np.array([0, 1.0, 0])), fov_y_deg=1)
+    keys = {"display": (8, 8), "scales": (1,), "max_depth": 2, "samples_per_pixel": 64, "shading": mode}
+    means = []
+    for peak in (1e3, 1e8):
+        texels = np.zeros((64, 128, 3), np.float32)
+        texels[20, 64] = peak
+        sky = Environment(name="sun", texels=texels)
+        stage = Stage(make_scene((quad(50, 50), metal, np.eye(4)), sky=sky), camera, **keys)
+        means.append(stage.arrays(0, "lr_x1")["color"].mean(dtype=float))
+    assert means[0] > 0 and means[1] / means[0] == pytest.approx(1e5, rel=2e-3)  # texels are halves: 2^-11 each

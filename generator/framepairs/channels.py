@@ -64,7 +64,8 @@ CHANNELS: tuple[Channel, ...] = (
     ),
     Channel(
         name="roughness", exr=V, dtype="half", unit="0 to 1", frame_of_reference="none", background=(0,),
-        meaning="perceptual roughness; alpha = roughness^2", needed_by="scenes whose roughness is not one constant",
+        meaning="perceptual roughness; alpha = roughness^2, or roughness (plan)",
+        needed_by="scenes whose roughness is not one constant",
     ),
     Channel(
         name="metallic", exr=V, dtype="half", unit="0 to 1", frame_of_reference="none", background=(0,),

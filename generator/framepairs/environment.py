@@ -6,7 +6,7 @@ first three bands.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,27 +26,31 @@ SH_ROWS = 128  # midpoints over this many rows integrate the nine basis function
 class Sky:
     """textures: index 0 is the sky, 1 ... LEVELS - 1 its filtered levels. harmonics: nine RGB coefficients of irradiance
     / pi in environment axes. rows: environment_from_world. brightness: density over the image from which `sample_sky`
-    draws. black: no light comes from the sky."""
+    draws. black: no light comes from the sky. gain: of the textures, which hold at most a half's 65504."""
 
     textures: TextureTable
     harmonics: tuple[mi.Color3f, ...]
     rows: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]
     brightness: mi.MarginalContinuous2D0
     black: bool
+    gain: mi.Float
 
 
 def build_sky(environment: Environment, model: BrdfModel) -> Sky:
     rows = environment.world_from_environment.T
-    source = _texture("sky", environment.texels)
+    gain = max(1.0, float(environment.texels.max(initial=0)) / 65504)
+    scaled = replace(environment, texels=environment.texels / np.float32(gain))
+    source = _texture("sky", scaled.texels)
     alone = build_textures((source,))
     steps = [level / (LEVELS - 1) for level in range(1, LEVELS)]
-    filtered = [_texture(f"sky {step}", _filtered(alone, environment, model, step)) for step in steps]
+    filtered = [_texture(f"sky {step}", _filtered(alone, scaled, model, step)) for step in steps]
     return Sky(
         textures=build_textures((source, *filtered)),
         harmonics=tuple(opaque(mi.Color3f, c) for c in _irradiance_harmonics(environment.texels)),
         rows=tuple(opaque(mi.Vector3f, row) for row in rows),
         brightness=mi.MarginalContinuous2D0(_brightness(environment.texels)),
         black=not environment.texels.any(),
+        gain=dr.opaque(mi.Float, gain),
     )
 
 
@@ -57,7 +61,7 @@ def sky_radiance(
     local, uv = _place(sky, direction)
     moved = (_place(sky, direction + change)[1] - uv for change in (ddx, ddy))
     wrapped = [mi.Vector2f(d.x - dr.round(d.x), d.y) for d in moved]  # across the seam, u jumps by one
-    return _rgb(sample_texture(sky.textures, mi.UInt32(0), uv, *wrapped, mi.Float(0), active))
+    return sky.gain * _rgb(sample_texture(sky.textures, mi.UInt32(0), uv, *wrapped, mi.Float(0), active))
 
 
 def sample_sky(sky: Sky, u: mi.Point2f) -> tuple[mi.Vector3f, mi.Color3f, mi.Float]:
@@ -77,7 +81,7 @@ def sky_along(sky: Sky, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.Col
     per_area = sky.brightness.eval(mi.Point2f(uv.x, 1 - uv.y), active=active)
     sine = dr.safe_sqrt(1 - dr.square(local.y))
     density = per_area / dr.maximum(2 * dr.square(dr.pi) * sine, 1e-6)
-    return _rgb(sample_finest(sky.textures, mi.UInt32(0), uv, active)), density
+    return sky.gain * _rgb(sample_finest(sky.textures, mi.UInt32(0), uv, active)), density
 
 
 def diffuse_light(sky: Sky, normal: mi.Vector3f) -> mi.Color3f:
@@ -95,7 +99,7 @@ def specular_light(sky: Sky, reflection: mi.Vector3f, roughness: mi.Float, activ
     place = dr.clip(roughness, 0, 1) * (LEVELS - 1)
     below = dr.minimum(mi.UInt32(place), LEVELS - 2)
     finer, coarser = (sample_finest(sky.textures, level, uv, active) for level in (below, below + 1))
-    return _rgb(dr.lerp(finer, coarser, place - mi.Float(below)))
+    return sky.gain * _rgb(dr.lerp(finer, coarser, place - mi.Float(below)))
 
 
 def _place(sky: Sky, direction: mi.Vector3f) -> tuple[mi.Vector3f, mi.Point2f]:

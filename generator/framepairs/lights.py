@@ -19,6 +19,7 @@ from .scene.description import Light, SceneDescription, scene_bounds
 
 KINDS = ("directional", "point", "spot", "rectangle", "disk", "sphere", "mesh")
 ROWS = 5  # of four floats per light
+LEVEL = 1 + 1e-3  # a light that lies on a surface is met before it: shadow rays end as far before their light
 FAR = 1e30  # distance of directional lights
 EQUAL_SHARE = 0.1  # of the choice between lights: what is bright in general may be far from the point at hand
 
@@ -161,7 +162,7 @@ def light_along(
         x, y = _coordinates(place, half_u, half_v)
         inside = dr.select(kind == KINDS.index("disk"), dr.square(x) + dr.square(y) <= 1, dr.maximum(dr.abs(x), dr.abs(y)) <= 1)
         flat = (kind == KINDS.index("rectangle")) | (kind == KINDS.index("disk"))
-        met = flat & (facing > 0) & (t > 0) & (t < limit) & inside
+        met = flat & (facing > 0) & (t > 0) & (t < limit * LEVEL) & inside
         density = dr.select(met, _per_solid_angle(t, facing, row[3].w), density)
     if "sphere" in lights.kinds:
         squared, radius = dr.squared_norm(centre), dr.norm(_three(row[3]))
@@ -169,7 +170,7 @@ def light_along(
         beside = dr.squared_norm(centre - along * direction)
         t = along - dr.safe_sqrt(dr.square(radius) - beside)
         met = (kind == KINDS.index("sphere")) & (squared > dr.square(radius)) & (beside < dr.square(radius))
-        met &= (along > 0) & (t < limit)
+        met &= (along > 0) & (t < limit * LEVEL)
         density = dr.select(met, _cone_density(dr.square(radius) / squared), density)
     return dr.select(density > 0, mi.Color3f(_three(row[0])), 0), density
 

@@ -1,4 +1,4 @@
-"""The BRDF of `brdf` as a Mitsuba plugin, so that `path` can shade with exactly what `raster` shades with.
+"""The BRDF of `brdf` as a Mitsuba plugin: for scenes of your own in Mitsuba, and to hold `path` against its integrators.
 
 `register` makes it known; after that, `mi.load_dict({"type": "metallic_roughness", ...})` takes:
 

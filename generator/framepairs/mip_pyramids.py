@@ -3,8 +3,9 @@
 - color: every level is the box-filtered level above it.
 - normal: RGB are directions. Coarser levels store the renormalised mean, and in A the slope variance that its length tells
   (Toksvig 2005, "Mipmapping Normal Maps"); level 0 has A = 0.
-- mask: alpha of coarser levels is scaled so that the share of texels that pass the alpha test stays that of level 0 (Castano
-  2010, "Computing Alpha Mipmaps"). RGB are means over the texels that pass, so that hidden ones do not bleed into them.
+- mask: alpha of coarser levels is scaled so that the share of a level that passes the alpha test, drawn bilinearly, stays that
+  of level 0 (after Castano 2010, "Computing Alpha Mipmaps", who counts texels). RGB are means over the texels that pass, so
+  that hidden ones do not bleed into them.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from .scene.images import linear_texels
 TILE = 4  # texels; a tile is two cache lines
 LARGEST_HALF = 65504.0
 LEAST_LENGTH = 1e-4  # of a mean normal: its variance, 1e4, is a half
+CLEAR = 2.0**-10  # of a value: more than rounding to half moves it
+MOST_GAIN = 1e3  # of a level's alpha
 ROUNDING = 1e-6  # of a mean of unit vectors, in float32
 
 
@@ -47,8 +50,8 @@ def mip_pyramid(texture: Texture, role: Role = COLOR) -> list[NDArray[np.float32
 
 
 def coverage(alpha: NDArray, threshold: float) -> float:
-    """The share of texels with alpha >= threshold, compared in float32 as kernels do."""
-    return float((alpha >= np.float32(threshold)).mean())
+    """The share of a level [h, w] that has alpha >= threshold when it is drawn bilinearly and repeats."""
+    return float((_drawn(alpha) >= np.float32(threshold)).mean())
 
 
 def tiled_halves(level: NDArray[np.float32]) -> NDArray[np.uint64]:
@@ -80,17 +83,20 @@ def _shortened(mean: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _mask_pyramid(texels: NDArray[np.float32], threshold: float) -> list[NDArray[np.float32]]:
     alpha = texels[..., 3]
-    share = coverage(alpha, threshold)
     plain = _box_pyramid(texels)
+    share = coverage(alpha, threshold)
+    first = np.concatenate([texels[..., :3], _unrounded(alpha, threshold)[..., None]], axis=-1)
     if not 0 < share < 1:
-        return plain
+        return [first, *plain[1:]] if share == 0 else [
+            np.concatenate([level[..., :3], _unrounded(level[..., 3], threshold)[..., None]], axis=-1) for level in plain
+        ]
     seen = (alpha >= np.float32(threshold)).astype(np.float32)[..., None]
     weighted = _box_pyramid(np.concatenate([texels[..., :3] * seen, seen], axis=-1))
     colours = _means_without_holes(weighted)
-    levels = [np.concatenate([texels[..., :3], _parted(alpha, threshold, threshold)[..., None]], axis=-1)]
+    levels = [first]
     for colour, level in zip(colours[1:], plain[1:], strict=True):
-        cut = _quantile(level[..., 3], share)
-        levels.append(np.concatenate([colour, _parted(level[..., 3], cut, threshold)[..., None]], axis=-1))
+        scale = min(threshold / _cut(_drawn(level[..., 3]), share), MOST_GAIN)
+        levels.append(np.concatenate([colour, scale * level[..., 3:]], axis=-1).astype(np.float32))
     return levels
 
 
@@ -108,25 +114,35 @@ def _means_without_holes(weighted: list[NDArray[np.float32]]) -> list[NDArray[np
     return colours
 
 
-def _quantile(alpha: NDArray[np.float32], share: float) -> float:
-    """A value that as near as possible to `share` of the texels reach; equal texels cannot be parted."""
-    ordered = np.sort(alpha.ravel())[::-1]
-    counts = np.concatenate([[0], np.flatnonzero(np.diff(ordered)) + 1, [len(ordered)] if ordered[-1] > 0 else []]).astype(int)
-    count = counts[np.argmin(np.abs(counts - share * len(ordered)))]
-    above = ordered[count - 1] if count else 2 * ordered[0] + 1e-6
-    below = ordered[count] if count < len(ordered) else 0.0
-    return float(above + below) / 2
+def _drawn(alpha: NDArray) -> NDArray[np.float32]:
+    """Bilinear values at even places within every texel [places, h, w]; fewer places in large images."""
+    count = 4 if alpha.size <= 2**20 else 2
+    steps = (np.arange(count) + 0.5) / count - 0.5
+    right, below = np.roll(alpha, -1, 1), np.roll(alpha, -1, 0)
+    corner = np.roll(below, -1, 1)
+    # between the centres of four texels: all places of a repeating image, each once
+    shares = [(x + 0.5, y + 0.5) for x in steps for y in steps]
+    return np.stack(
+        [(1 - y) * ((1 - x) * alpha + x * right) + y * ((1 - x) * below + x * corner) for x, y in shares], dtype=np.float32
+    )
 
 
-def _parted(alpha: NDArray[np.float32], cut: float, threshold: float) -> NDArray[np.float32]:
-    """Alpha scaled by threshold / cut, at most 1; rounding to half takes no texel over the threshold."""
-    scaled = np.minimum(alpha * np.float32(threshold / cut), max(1.0, threshold)) if cut != threshold else alpha
-    passing = np.float16(threshold)
+def _cut(values: NDArray[np.float32], share: float) -> float:
+    """A value that as near as possible to `share` of all values reach; clear of equal values, which cannot be parted."""
+    place = min(max(round((1 - share) * values.size), 0), values.size - 1)
+    value = max(float(np.partition(values, place, axis=None)[place]), 1e-6)
+    cuts = value * (1 - CLEAR), value * (1 + CLEAR)
+    return min(cuts, key=lambda cut: abs(float((values >= np.float32(cut)).mean()) - share))
+
+
+def _unrounded(alpha: NDArray[np.float32], threshold: float) -> NDArray[np.float32]:
+    """Alpha that rounding to half takes over the threshold in neither direction."""
+    passing = np.float16(min(max(threshold, -LARGEST_HALF), LARGEST_HALF))
     if float(passing) < np.float32(threshold):
         passing = np.nextafter(passing, np.float16(np.inf))
     failing = np.nextafter(passing, np.float16(-np.inf))
-    seen = alpha >= np.float32(cut)
-    return np.where(seen, np.maximum(scaled, np.float32(passing)), np.minimum(scaled, np.float32(failing)))
+    passes = alpha >= np.float32(threshold)
+    return np.where(passes, np.maximum(alpha, np.float32(passing)), np.minimum(alpha, np.float32(failing)))
 
 
 def _box_pyramid(texels: NDArray[np.float32]) -> list[NDArray[np.float32]]:

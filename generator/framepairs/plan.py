@@ -44,7 +44,7 @@ class RenderPlan(BaseModel):
         "strata", description="where these lie; qrisp_enhanced: 8 samples in each quarter of the pixel"
     )
     samples_per_pixel: Annotated[int, Field(ge=1, le=65536)] = Field(64, description="light paths per pixel (path)")
-    clamp_radiance: Annotated[float, Field(gt=0)] | None = Field(
+    clamp_radiance: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None, description="luminance to which a light path is limited (path); null: none is"
     )
     max_depth: Annotated[int, Field(ge=1, le=64)] = Field(6, description="longest light path, in edges (path)")
@@ -65,8 +65,8 @@ class RenderPlan(BaseModel):
     roughness_mapping: RoughnessMapping = Field("squared", description="alpha of a roughness r: r^2 or r")
     brdf_table: Annotated[int, Field(ge=8, le=2048)] = Field(512, description="nodes per axis of the A, B table")
     demodulation: Literal["max", "softplus"] = Field("max", description="how F_beta is kept above 0 in a divisor")
-    brdf_floor: Annotated[float, Field(gt=0, le=1)] = Field(1e-3, description="max: the least F_beta to divide by")
-    softplus_beta: Annotated[float, Field(gt=0, le=1e6)] = Field(
+    brdf_floor: Annotated[float, Field(ge=1e-6, le=1)] = Field(1e-3, description="max: the least F_beta to divide by")
+    softplus_beta: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
         100.0, description="softplus: divide by log(1 + exp(beta F_beta)) / beta (FuseSR: 100)"
     )
     motion_offsets: tuple[Annotated[int, Field(ge=-64, le=64)], ...] = Field(
@@ -86,6 +86,8 @@ class RenderPlan(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> "RenderPlan":
         if not isinstance(self.channels, str):
+            if not self.channels:
+                raise ValueError("channels: name at least one")
             known = [channel.name for channel in channels_with(self.motion_offsets)]
             unknown = [name for name in self.channels if name not in known]
             if unknown:

@@ -1,10 +1,12 @@
-"""Looking up images at real positions, and warping the previous frame onto the present one, in Dr.Jit.
+"""Looking up images at real positions, and warping the previous frame onto the present one (backward warp), in Dr.Jit.
 
 Images are `Image`s: planes of Dr.Jit floats in row-major order. Positions are in pixels of the image, the centre of pixel
 (i, j) at (i + 0.5, j + 0.5); what lies outside takes the nearest edge pixel.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +65,43 @@ def catmull_rom(image: Image, x, y) -> list:
     return _separable(image, x, y, 4, _catmull_rom_weights)
 
 
+def lanczos2(image: Image, x, y) -> list:
+    """Lanczos-2, separable: L(d) = sinc(d) sinc(d / 2) for |d| < 2 (Turkowski 1990) per axis, over sixteen pixel centres.
+
+    The weights of each axis are divided by their sum, which is 1 to 1.019, so that constants survive. Overshoots. The radial
+    form of FSR 2's upsampling is another filter: it does not give the image back at its own pixel centres.
+    """
+    return _separable(image, x, y, 4, _lanczos2_weights)
+
+
+Filter = Literal["nearest", "bilinear", "catmull_rom", "lanczos2"]
+FILTERS = {"nearest": nearest, "bilinear": bilinear, "catmull_rom": catmull_rom, "lanczos2": lanczos2}
+
+
+def backward_warp(
+    previous: Image,
+    motion: Image,
+    method: Filter = "bilinear",
+    jitter: tuple[float, float] = (0.0, 0.0),
+    previous_jitter: tuple[float, float] = (0.0, 0.0),
+) -> list:
+    """The previous buffer as seen from the present one: planes of motion.width x motion.height values.
+
+    motion: ours (previous - current, pixels of its own buffer, y down). previous: any size that spans the same frustum;
+    integer planes need `nearest`. jitter: J of the buffer that holds the motion, in its pixels; previous_jitter: J of
+    `previous`, in its pixels, 0 for the truth and for an accumulated history. Each pixel shows the place centre - J, was at
+    that plus motion, and is found J(t-1) further. What no history can know (visibility) is not masked here.
+    """
+    x, y = pixel_centres(motion.width, motion.height)
+    x, y = x - dr.opaque(jit.Float, jitter[0]) + motion.planes[0], y - dr.opaque(jit.Float, jitter[1]) + motion.planes[1]
+    across, down = (
+        dr.opaque(jit.Float, theirs / ours)
+        for theirs, ours in ((previous.width, motion.width), (previous.height, motion.height))
+    )
+    places = x * across + dr.opaque(jit.Float, previous_jitter[0]), y * down + dr.opaque(jit.Float, previous_jitter[1])
+    return FILTERS[method](previous, *places)
+
+
 def _separable(image: Image, x, y, taps: int, weights) -> list:
     left, top = dr.floor(x - 0.5), dr.floor(y - 0.5)
     wx, wy = weights(x - 0.5 - left), weights(y - 0.5 - top)
@@ -89,3 +128,23 @@ def _catmull_rom_weights(t) -> list:
         -1.5 * t3 + 2 * t2 + 0.5 * t,
         0.5 * t3 - 0.5 * t2,
     ]
+
+
+def _lanczos2_weights(t) -> list:
+    """sin(pi d) is the same at all four taps but for its sign: 2 a b with a = sin(pi t / 2), b = sin(pi (1 - t) / 2). Written
+    so that a tap at distance 0 has weight 1 and the others 0, without a rounding."""
+    a, b = dr.sin(0.5 * math.pi * t), dr.sin(0.5 * math.pi * (1 - t))
+    outer = -4 / math.pi**2 * a * b
+    weights = [
+        outer * b / dr.square(1 + t),
+        dr.square(_sinc(t, a)) * b,
+        dr.square(_sinc(1 - t, b)) * a,
+        outer * a / dr.square(2 - t),
+    ]
+    scale = dr.rcp(weights[0] + weights[1] + weights[2] + weights[3])
+    return [weight * scale for weight in weights]
+
+
+def _sinc(t, sine):
+    """sin(pi t / 2) / (pi t / 2), given the sine."""
+    return dr.select(t > 0, sine / dr.select(t > 0, 0.5 * math.pi * t, 1), 1)

@@ -10,6 +10,8 @@ from ..errors import InputError
 from .description import Environment, SceneDescription, Texture, default_environment, rotation_from_y_up
 from .images import linear_texels, read_image
 
+LARGEST_HALF = 65504
+
 
 def load_scene(file: Path) -> SceneDescription:
     """The scene in `file`, by its suffix. Raises InputError naming the file."""
@@ -31,18 +33,29 @@ def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[Scen
     """The scene with an environment, and what lights it: the file's name, 'default', or None for its own light.
 
     `environment` replaces the scene's own. A scene without lights and environment gets the default one; one with lights
-    alone a black sky.
+    alone a black sky. Texels that are no radiance are replaced and named in `not_read`.
     """
     if environment is not None:
         texels = linear_texels(Texture(name=environment.name, texels=read_image(environment), srgb=True))
         rotation = rotation_from_y_up(scene.up_axis)
         sky = Environment(name=environment.name, texels=texels[..., :3], world_from_environment=rotation)
-        return replace(scene, environment=sky, files=(*scene.files, environment)), str(environment)
+        return _with_sky(replace(scene, files=(*scene.files, environment)), sky), str(environment)
     if scene.environment is not None:
-        return scene, None
+        return _with_sky(scene, scene.environment), None
     if scene.lights:
         return replace(scene, environment=Environment(name="black", texels=np.zeros((1, 2, 3), np.float32))), None
     return replace(scene, environment=default_environment(scene.up_axis)), "default"
+
+
+def _with_sky(scene: SceneDescription, sky: Environment) -> SceneDescription:
+    """The scene under `sky`, whose infinite texels (suns beyond half precision) become 65504, and NaN and negative ones 0."""
+    radiance = np.isfinite(sky.texels) & (sky.texels >= 0)
+    if radiance.all():
+        return replace(scene, environment=sky)
+    texels = np.maximum(np.nan_to_num(sky.texels, nan=0.0, posinf=LARGEST_HALF, neginf=0.0), 0)
+    odd = int((~radiance).any(axis=-1).sum())
+    named = f"{odd} texels of environment {sky.name} that are infinite (drawn as {LARGEST_HALF}), negative or NaN (as 0)"
+    return replace(scene, environment=replace(sky, texels=texels), not_read=(*scene.not_read, named))
 
 
 def scene_hash(scene: SceneDescription) -> str:
