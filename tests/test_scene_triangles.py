@@ -10,6 +10,7 @@ import trimesh
 from framepairs.errors import InputError
 from framepairs.scene import load_scene, scene_hash
 from framepairs.scene.images import linear_texels
+from framepairs.scene.triangles import load_triangles
 from usd_stages import image
 
 POSITIONS = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
@@ -237,9 +238,11 @@ def test_extensions_that_a_file_requires_are_refused_unless_known(tmp_path):
 def test_what_meshes_hold_beyond_triangles_is_named(tmp_path):
     plain = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}
     colored = {**plain, "attributes": {**plain["attributes"], "COLOR_0": 0}}
-    meshes = [{"name": "m", "primitives": [colored, {**plain, "targets": [{"POSITION": 0}]}, {**plain, "mode": 1}]}]
+    bare = {**plain, "attributes": {"TEXCOORD_0": 1}}
+    meshes = [{"name": "m", "primitives": [colored, {**plain, "targets": [{"POSITION": 0}]}, {**plain, "mode": 1}, bare]}]
     scene = load_scene(gltf(tmp_path, {"name": "a"}, meshes=meshes))
-    assert scene.not_read == ("morph targets of mesh m", "vertex colours of mesh m", "lines, points or fans of mesh m")
+    told = "vertex colours of mesh m", "lines or points of mesh m", "primitives without positions of mesh m"
+    assert scene.not_read == told and [item.name for item in scene.objects] == ["n0/0", "n0/1"]
 
 
 def test_vertex_colours_of_ply_are_named(tmp_path):
@@ -311,9 +314,25 @@ def test_what_a_gltf_file_lacks_is_named(tmp_path, keys, says):
 
 
 def test_what_is_not_read_of_gltf_is_named(tmp_path):
-    clip = {"name": "walk", "channels": [], "samplers": []}
-    scene = load_scene(gltf(tmp_path, {"name": "a"}, extensionsUsed=["KHR_lights_punctual"], animations=[clip]))
-    assert scene.not_read == ("extension KHR_lights_punctual", "animation walk")
+    clips = [{"name": name, "channels": [], "samplers": []} for name in ("walk", "run")]
+    scenes = [{"nodes": [1]}, {"name": "other", "nodes": [0]}]
+    keys = {"extensionsUsed": ["KHR_lights_punctual"], "animations": clips, "scenes": scenes}
+    scene = load_scene(gltf(tmp_path, {"name": "a"}, **keys))
+    told = "extension KHR_lights_punctual", "scene other: scene 0 is drawn", "animation run: walk is played"
+    assert scene.not_read == told
+
+
+def test_a_primitive_without_material_wears_gltf_s_default(tmp_path):
+    meshes = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
+    material = worn(load_scene(gltf(tmp_path, {"name": "a"}, meshes=meshes)))["n0"]
+    assert (material.name, material.base_color, material.roughness, material.metallic) == ("default", (1, 1, 1), 1, 1)
+
+
+def test_files_without_animations_have_no_clip_to_choose(tmp_path):
+    with pytest.raises(InputError, match="no animation 'walk': files of this format have none"):
+        load_triangles(obj(tmp_path), "walk")
+    with pytest.raises(InputError, match="animations: no animation 'walk'; there are: none"):
+        load_triangles(gltf(tmp_path, {"name": "a"}), "walk")
 
 
 @pytest.mark.parametrize("kept", [0, 3, 10, 19, 20, 100, -5])

@@ -1,14 +1,20 @@
-"""What glTF's JSON says beyond what trimesh reads: extensions that map onto ours, and names for what is not drawn.
+"""glTF's materials and images as ours: extensions that map onto ours are read, what is not drawn is named.
 
-Sources: glTF 2.0 and the extensions' specifications in KhronosGroup/glTF. Everything works on pygltflib's objects.
+Sources: glTF 2.0 and the extensions' specifications in KhronosGroup/glTF. Everything works on the checked JSON of
+`gltf_document`.
 """
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import pygltflib
+from numpy.typing import NDArray
 
-from .description import IDENTITY_UV
+from ..errors import InputError
+from .description import IDENTITY_UV, Material, Slot, Texture
+from .gltf_document import Document, is_elsewhere, read_uri
+from .images import decode_image
 from .reflectance import f0_of_ior, specular_of_f0
 
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
@@ -16,6 +22,7 @@ READ_EXTENSIONS = (
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
+    "KHR_mesh_quantization",
     "KHR_texture_transform",
     "EXT_texture_webp",
 )
@@ -30,7 +37,6 @@ STRENGTH_KEYS = {
     "KHR_materials_dispersion": "dispersion",
     "KHR_materials_diffuse_transmission": "diffuseTransmissionFactor",
 }
-DRAWN_MODES = (None, 4, 5)  # triangles and strips; trimesh leaves out fans, and we draw neither lines nor points
 INSTEAD = {
     "KHR_materials_unlit": "unlit: it is lit",
     SPECULAR_GLOSSINESS: "pbrSpecularGlossiness: its metallic-roughness values are drawn",
@@ -44,84 +50,160 @@ ALLOWED_IF_REQUIRED = (
     "KHR_lights_punctual",
     "KHR_xmp_json_ld",
 )
+GLTF_WRAP = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 
 
-def specular_of(material: pygltflib.Material) -> tuple[float, tuple[str, ...]]:
+class MaterialReader:
+    """Materials of one file, each once; `materials` and `textures` grow as primitives ask for them."""
+
+    def __init__(self, document: Document) -> None:
+        self.materials: list[Material] = []
+        self.textures: list[Texture] = []
+        self._document = document
+        self._known: dict[int | None, int] = {}
+        self._texels: dict[int, NDArray] = {}
+
+    def index(self, number: int | None) -> int:
+        """Index into `materials` of glTF's material `number`; None is glTF's default. Raises InputError naming the file."""
+        if number not in self._known:
+            source = self._document.entry("materials", number) if number is not None else {"name": "default"}
+            try:
+                material = self._material(with_metallic_roughness(source), f"material {number}")
+            except InputError as error:
+                raise InputError(error.problem, file=self._document.file, field=error.field) from None
+            self._known[number] = len(self.materials)
+            self.materials.append(material)
+        return self._known[number]
+
+    def _material(self, source: dict[str, Any], name: str) -> Material:
+        pbr = source.get("pbrMetallicRoughness", {})
+        base, normal = pbr.get("baseColorFactor", [1.0] * 4), source.get("normalTexture")
+        strength = source.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        alpha = {"MASK": "mask", "BLEND": "blend"}.get(source.get("alphaMode", "OPAQUE"), "opaque")
+        specular, said = specular_of(source)
+        surface = self._slot(pbr.get("metallicRoughnessTexture"), scale=(0, 1, 1, 0), bias=(1, 0, 0, 1))
+        return Material(
+            name=source.get("name") or name,
+            base_color=tuple(base[:3]),
+            opacity=1.0 if alpha == "opaque" else float(base[3]),
+            roughness=pbr.get("roughnessFactor", 1.0),
+            metallic=pbr.get("metallicFactor", 1.0),
+            specular=specular,
+            emission=tuple(float(c) * strength for c in source.get("emissiveFactor", [0.0] * 3)),
+            alpha=alpha,
+            alpha_cutoff=source.get("alphaCutoff", 0.5),
+            normal_scale=(normal or {}).get("scale", 1.0),
+            base_texture=self._slot(pbr.get("baseColorTexture"), srgb=True),
+            surface_texture=surface,
+            normal_texture=self._slot(normal, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)),
+            emission_texture=self._slot(source.get("emissiveTexture"), srgb=True),
+            not_read=(*unread_of(source), *said),
+        )
+
+    def _slot(self, info: dict[str, Any] | None, *, srgb: bool = False, scale=(1,) * 4, bias=(0,) * 4) -> Slot | None:
+        """`info` is glTF's reference to the texture, or None."""
+        if info is None:
+            return None
+        texture = self._document.entry("textures", info["index"])
+        source = image_of(texture)
+        if source is None:
+            raise InputError(f"texture {info['index']} names no image that is read", field="textures")
+        image = self._document.entry("images", source)
+        uri = image.get("uri")
+        name = uri if uri and is_elsewhere(uri) else f"image {source}"
+        if source not in self._texels:
+            self._texels[source] = self._decoded(image, name)
+        texels = self._texels[source]
+        wanted = Texture(name=name, texels=texels, srgb=srgb, wrap=self._wrap(texture), scale=scale, bias=bias)
+        for index, known in enumerate(self.textures):
+            if known.texels is texels and replace(known, texels=None) == replace(wanted, texels=None):
+                return Slot(texture=index, uv=uv_of(info))
+        self.textures.append(wanted)
+        return Slot(texture=len(self.textures) - 1, uv=uv_of(info))
+
+    def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
+        if "uri" in image:
+            data = read_uri(image["uri"], self._document.file, "images")
+        elif "bufferView" in image:
+            data = bytes(self._document.view(image["bufferView"]))
+        else:
+            raise InputError(f"{name} has neither uri nor bufferView", field="images")
+        try:
+            return decode_image(data, name)
+        except InputError as error:
+            raise InputError(f"{name} {error.problem}", field="images") from None
+
+    def _wrap(self, texture: dict[str, Any]) -> tuple[str, str]:
+        sampler = self._document.entry("samplers", texture["sampler"]) if "sampler" in texture else {}
+        modes = [sampler.get(key, 10497) for key in ("wrapS", "wrapT")]
+        if not set(modes) <= set(GLTF_WRAP):
+            raise InputError(f"wrap mode {modes} is none of glTF's: {sorted(GLTF_WRAP)}", field="samplers")
+        return GLTF_WRAP[modes[0]], GLTF_WRAP[modes[1]]
+
+
+def image_of(texture: dict[str, Any]) -> int | None:
+    """Index of a texture's image: WebP where there is one; None where only other extensions name one."""
+    return texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source", texture.get("source"))
+
+
+def specular_of(material: dict[str, Any]) -> tuple[float, tuple[str, ...]]:
     """(specular with F0 = 0.08 specular, what is left out of KHR_materials_ior and KHR_materials_specular).
 
     F0 = min(((ior - 1) / (ior + 1))^2 specularColorFactor, 1) specularFactor; the colour is left out. glTF multiplies the
     reflectance at grazing angles by specularFactor, too; ours stays 1 there.
     """
-    extensions = material.extensions or {}
+    extensions = material.get("extensions", {})
     ior = extensions.get("KHR_materials_ior", {}).get("ior", 1.5)
     values = extensions.get("KHR_materials_specular", {})
     factor, color = values.get("specularFactor", 1.0), values.get("specularColorFactor", [1.0] * 3)
     if is_metal(material):
         return 0.5, ()
-    specular, limited = specular_of_f0(min(f0_of_ior(ior, material.name or "material"), 1.0) * factor, f"ior {ior:g}")
-    said = [f"specularColorFactor {_text(color)}"] if list(color) != [1.0] * 3 else []
+    f0 = min(f0_of_ior(ior, material.get("name") or "material"), 1.0) * factor
+    specular, limited = specular_of_f0(f0, f"ior {ior:g}")
+    said = [f"specularColorFactor {_text(color)}"] if color != [1.0] * 3 else []
     said += [f"{key} of KHR_materials_specular" for key in ("specularTexture", "specularColorTexture") if key in values]
     said += [f"specularFactor {factor:g} at grazing angles: reflectance is 1 there"] if factor != 1 else []
     return specular, (*said, *limited)
 
 
-def is_metal(material: pygltflib.Material) -> bool:
+def is_metal(material: dict[str, Any]) -> bool:
     """Metal all over, so that what concerns dielectrics does not act."""
-    pbr = material.pbrMetallicRoughness or pygltflib.PbrMetallicRoughness()
-    return pbr.metallicFactor in (None, 1) and pbr.metallicRoughnessTexture is None
+    pbr = material.get("pbrMetallicRoughness", {})
+    return pbr.get("metallicFactor", 1) == 1 and "metallicRoughnessTexture" not in pbr
 
 
-def unread_of(material: pygltflib.Material) -> tuple[str, ...]:
+def unread_of(material: dict[str, Any]) -> tuple[str, ...]:
     """What of the material is not drawn, where it acts, each with its value."""
     said = []
-    occlusion = material.occlusionTexture
-    if occlusion is not None and occlusion.strength != 0:
+    if material.get("occlusionTexture", {"strength": 0}).get("strength", 1) != 0:
         said.append("occlusion map")
-    for name, values in (material.extensions or {}).items():
+    for name, values in material.get("extensions", {}).items():
         short = name.removeprefix("KHR_materials_")
         if name in STRENGTH_KEYS:
             strength = values.get(STRENGTH_KEYS[name], 0)
             said += [f"{short} {_text(strength)}"] if np.any(np.array(strength, dtype=float) != 0) else []
         elif name not in READ_EXTENSIONS:
             said.append(INSTEAD.get(name, f"extension {name}"))
-    pbr = material.pbrMetallicRoughness or pygltflib.PbrMetallicRoughness()
-    infos = {
-        "baseColorTexture": pbr.baseColorTexture,
-        "metallicRoughnessTexture": pbr.metallicRoughnessTexture,
-        "normalTexture": material.normalTexture,
-        "emissiveTexture": material.emissiveTexture,
-    }
-    for key, info in infos.items():
-        texcoord = _transform(info).get("texCoord", info.texCoord) if info else 0
+    pbr = material.get("pbrMetallicRoughness", {})
+    for key in ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "emissiveTexture"):
+        info = pbr.get(key) or material.get(key) or {}
+        texcoord = _transform(info).get("texCoord", info.get("texCoord", 0))
         said += [f"texCoord {texcoord} of {key}: it is read with 0"] if texcoord else []
     return tuple(said)
 
 
-def unread_of_document(document: pygltflib.GLTF2) -> list[str]:
-    """What the file holds apart from materials, which tell their own."""
-    used = document.extensionsUsed or ()
-    found = [f"extension {name}" for name in used if name not in READ_EXTENSIONS and not _is_told_by_materials(name)]
-    found += [f"animation {clip.name or index}" for index, clip in enumerate(document.animations)]
-    found += [f"skin {skin.name or index}" for index, skin in enumerate(document.skins)]
-    for index, mesh in enumerate(document.meshes):
-        name = mesh.name or index
-        found += [f"morph targets of mesh {name}"] if any(p.targets for p in mesh.primitives) else []
-        found += [f"vertex colours of mesh {name}"] if any(p.attributes.COLOR_0 is not None for p in mesh.primitives) else []
-        found += [f"lines, points or fans of mesh {name}"] if any(p.mode not in DRAWN_MODES for p in mesh.primitives) else []
-    return found
-
-
-def _is_told_by_materials(extension: str) -> bool:
+def is_told_by_materials(extension: str) -> bool:
+    """Whether materials themselves say what of the extension is not drawn."""
     return extension.startswith("KHR_materials_") and extension != "KHR_materials_variants"
 
 
-def uv_of(info: pygltflib.TextureInfo | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def uv_of(info: dict[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Rows of the 2x3 matrix of KHR_texture_transform, for our uv, whose v runs up.
 
     In glTF's uv, v down, it is translation x rotation x scale, where the rotation is counter-clockwise as seen on the image:
     (u, v) -> (c u + s v, -s u + c v). With v = 1 - v_up on both sides it is the matrix below.
     """
-    values = _transform(info) if info is not None else {}
+    values = _transform(info)
     if not {"offset", "rotation", "scale"} & set(values):
         return IDENTITY_UV
     (x, y), (a, b) = values.get("offset", (0.0, 0.0)), values.get("scale", (1.0, 1.0))
@@ -129,24 +211,24 @@ def uv_of(info: pygltflib.TextureInfo | None) -> tuple[tuple[float, ...], tuple[
     return (c * a, -s * b, s * b + x), (s * a, c * b, 1 - c * b - y)
 
 
-def with_metallic_roughness(material: pygltflib.Material) -> None:
-    """Gives a material that has specular-glossiness values alone the nearest core ones: diffuse colour, 1 - glossiness,
-    no metal. Its specular colour and its specular-glossiness texture are left out."""
-    values = (material.extensions or {}).get(SPECULAR_GLOSSINESS)
-    if values is None or material.pbrMetallicRoughness is not None:
-        return
-    diffuse = values.get("diffuseTexture")
-    info = pygltflib.TextureInfo(**diffuse) if diffuse else None
-    material.pbrMetallicRoughness = pygltflib.PbrMetallicRoughness(
-        baseColorFactor=list(values.get("diffuseFactor", [1.0] * 4)),
-        baseColorTexture=info,
-        metallicFactor=0.0,
-        roughnessFactor=1 - values.get("glossinessFactor", 1.0),
-    )
+def with_metallic_roughness(material: dict[str, Any]) -> dict[str, Any]:
+    """The material; one that has specular-glossiness values alone with the nearest core ones: diffuse colour,
+    1 - glossiness, no metal. Its specular colour and its specular-glossiness texture are left out."""
+    values = material.get("extensions", {}).get(SPECULAR_GLOSSINESS)
+    if values is None or "pbrMetallicRoughness" in material:
+        return material
+    nearest = {
+        "baseColorFactor": values.get("diffuseFactor", [1.0] * 4),
+        "metallicFactor": 0.0,
+        "roughnessFactor": 1 - values.get("glossinessFactor", 1.0),
+    }
+    if "diffuseTexture" in values:
+        nearest["baseColorTexture"] = values["diffuseTexture"]
+    return {**material, "pbrMetallicRoughness": nearest}
 
 
-def _transform(info: pygltflib.TextureInfo) -> dict:
-    return (info.extensions or {}).get("KHR_texture_transform", {})
+def _transform(info: dict[str, Any]) -> dict[str, Any]:
+    return info.get("extensions", {}).get("KHR_texture_transform", {})
 
 
 def _text(value) -> str:

@@ -1,16 +1,59 @@
-"""USD stages (.usd .usda .usdc .usdz): meshes, animated transforms, UsdPreviewSurface and lights."""
+"""USD stages (.usd .usda .usdc .usdz): meshes that move and deform, instances, UsdPreviewSurface and lights."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Tf, Usd, UsdGeom, UsdLux, UsdSkel
 
 from ..errors import InputError
-from .description import Environment, Light, Mesh, SceneDescription, SceneObject, validate_mesh
+from .description import Deformed, Environment, Light, Mesh, SceneDescription, SceneObject
+from .usd_deform import Deformation, deformed_vertices, find_skins, object_matrix, pose, read_deformation
 from .usd_lights import read_light
 from .usd_materials import MaterialReader
+from .usd_meshes import MeshPart, VertexSource, mesh_parts, moving_mesh, still_mesh, with_vertices
+from .usd_placement import (
+    Placement,
+    PrototypePart,
+    Visibility,
+    is_animated,
+    place,
+    place_instances,
+    read_instances,
+    read_visibility,
+)
+
+SHOWN = Usd.TraverseInstanceProxies()
+ALSO_ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A mesh prim whose vertices move. parts: where the vertices of a part come from, and the meshes that it is drawn as."""
+
+    deformation: Deformation
+    parts: tuple[tuple[VertexSource, tuple[int, ...]], ...]
+
+
+@dataclass
+class Reading:
+    """What was read of a stage so far. placements: of the objects, in their order."""
+
+    reader: MaterialReader = field(default_factory=MaterialReader)
+    meshes: list[Mesh] = field(default_factory=list)
+    index_of: dict[tuple, int] = field(default_factory=dict)
+    objects: list[SceneObject] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+    moving: list[Moving] = field(default_factory=list)
+    skins: dict = field(default_factory=dict)
+    skin_cache: UsdSkel.Cache = field(default_factory=UsdSkel.Cache)
+    lights: list[Light] = field(default_factory=list)
+    environments: list[Environment] = field(default_factory=list)
+    not_read: list[str] = field(default_factory=list)
 
 
 def load_usd(file: Path) -> SceneDescription:
@@ -22,8 +65,15 @@ def load_usd(file: Path) -> SceneDescription:
     problems = stage.GetCompositionErrors()
     if problems:
         raise InputError(f"does not compose: {' '.join(str(problems[0]).split())[:300]}", file=file)
-    try:
+    with _naming(file):
         return _read_stage(stage, file)
+
+
+@contextmanager
+def _naming(file: Path) -> Iterator[None]:
+    """Adds the file to an InputError that does not name one."""
+    try:
+        yield
     except InputError as error:
         if error.file is None:
             raise InputError(error.problem, file=file, frame=error.frame, field=error.field) from None
@@ -31,205 +81,216 @@ def load_usd(file: Path) -> SceneDescription:
 
 
 def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
-    reader = MaterialReader()
-    meshes: list[Mesh] = []
-    index_of: dict[tuple, int] = {}
-    objects: list[SceneObject] = []
-    prims: list[Usd.Prim] = []
-    not_read: list[str] = []
-    lights: list[Light] = []
-    environments: list[Environment] = []
     rate = stage.GetTimeCodesPerSecond()
+    reading = Reading()
     to_world = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    prims_in_order = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
-    for prim in prims_in_order:
-        if prim.IsA(UsdGeom.PointInstancer):
-            prims_in_order.PruneChildren()  # its prototypes are not drawn in their own place
-        if not _is_drawn(prim):
-            continue
+    for prim, visibility in _drawn_prims(stage.GetPseudoRoot(), None, SHOWN, reading):
         if prim.IsA(UsdGeom.Mesh):
-            moves = _is_animated(prim)
-            if prim.HasAPI(UsdLux.LightAPI):
-                not_read.append(f"light of mesh {prim.GetPath()}: it is drawn without shining")
-            for name, material, key, triangulate in _mesh_parts(UsdGeom.Mesh(prim), reader, not_read):
-                if key not in index_of:
-                    index_of[key] = len(meshes)
-                    meshes.append(triangulate())
-                objects.append(SceneObject(name=name, mesh=index_of[key], material=material, moves=moves))
-                prims.append(prim)
+            _read_mesh(prim, visibility, reading)
+        elif prim.IsA(UsdGeom.PointInstancer):
+            _read_instancer(UsdGeom.PointInstancer(prim), visibility, reading)
         elif prim.HasAPI(UsdLux.LightAPI):
-            matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
-            item = read_light(prim, matrix, _is_animated(prim), not_read, reader.files)
-            if isinstance(item, Light):
-                lights.append(item)
-            elif isinstance(item, Environment):
-                environments.append(item)
-        elif prim.IsA(UsdSkel.Skeleton):
-            not_read.append(f"skinning by {prim.GetPath()}: the bind pose is drawn")
-        elif prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer):
-            not_read.append(f"{prim.GetTypeName()} {prim.GetPath()}")
-    not_read += [f"dome light {extra.name}: only one is drawn" for extra in environments[1:]]
+            _read_light(prim, visibility, to_world, reading)
+    not_read = [*reading.not_read, *(f"dome light {item.name}: only one is drawn" for item in reading.environments[1:])]
     # a layer inside a .usdz is called package.usdz[layer.usda]: the package itself is among the files already
     layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath and "[" not in layer.realPath]
-    files = [file, *sorted({*layers, *reader.files} - {file.resolve(), file})]
-
-    def world_from_object(time_s: float) -> NDArray[np.float64]:
-        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
-        cache = UsdGeom.XformCache(Usd.TimeCode(time_s * rate))
-        matrices = [np.array(cache.GetLocalToWorldTransform(prim)).T for prim in prims]
-        return np.array(matrices).reshape(-1, 4, 4)
-
+    files = [file, *sorted({*layers, *reading.reader.files} - {file.resolve(), file})]
     return SceneDescription(
         name=file.stem,
         files=tuple(files),
-        meshes=tuple(meshes),
-        materials=tuple(reader.materials),
-        textures=tuple(reader.textures),
-        objects=tuple(objects),
-        lights=tuple(lights),
-        environment=environments[0] if environments else None,
+        meshes=tuple(reading.meshes),
+        materials=tuple(reading.reader.materials),
+        textures=tuple(reading.reader.textures),
+        objects=tuple(reading.objects),
+        lights=tuple(reading.lights),
+        environment=reading.environments[0] if reading.environments else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
         metres_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
-        world_from_object=world_from_object,
+        world_from_object=_world_from_object(stage, reading.placements, rate, file),
+        deformed=_deformed(stage, reading.moving, rate, file) if reading.moving else None,
+        visible=_visible(stage, reading.placements, rate),
         animation_end_s=stage.GetEndTimeCode() / rate if stage.HasAuthoredTimeCodeRange() else 0.0,
         not_read=tuple(not_read),
     )
 
 
-def _is_drawn(prim: Usd.Prim) -> bool:
-    if prim.IsA(UsdGeom.Imageable):
-        imageable = UsdGeom.Imageable(prim)
-        if imageable.ComputeVisibility() == UsdGeom.Tokens.invisible:
-            return False
-        return imageable.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-    return bool(prim.IsActive())
+def _drawn_prims(root: Usd.Prim, top: Usd.Prim | None, predicate, reading: Reading) -> Iterator[tuple[Usd.Prim, Visibility]]:
+    """Prims under `root` that are drawn, with their visibility under `top`; finds their skins, and names kinds not read."""
+    prims = iter(Usd.PrimRange(root, predicate))
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer):
+            prims.PruneChildren()  # its prototypes are not drawn in their own place
+        if prim.IsA(UsdSkel.Root):
+            reading.skins.update(find_skins(prim, predicate, reading.skin_cache))
+        visibility = read_visibility(prim, top)
+        if not visibility.drawn:
+            continue
+        if prim.IsA(UsdSkel.Skeleton):
+            if not UsdSkel.Root.Find(prim):
+                reading.not_read.append(f"skeleton {prim.GetPath()}: it lies under no SkelRoot")
+        elif prim.IsA(UsdGeom.Gprim) and not prim.IsA(UsdGeom.Mesh) and not prim.HasAPI(UsdLux.LightAPI):
+            reading.not_read.append(f"{prim.GetTypeName()} {prim.GetPath()}")
+        else:
+            yield prim, visibility
 
 
-def _is_animated(prim: Usd.Prim) -> bool:
-    while prim and not prim.IsPseudoRoot():
-        xformable = UsdGeom.Xformable(prim)
-        if xformable and xformable.TransformMightBeTimeVarying():
-            return True
-        prim = prim.GetParent()
-    return False
+def _read_light(prim: Usd.Prim, visibility: Visibility, to_world: UsdGeom.XformCache, reading: Reading) -> None:
+    if visibility.changing:
+        reading.not_read.append(f"changing visibility of light {prim.GetPath()}: it shines all the time")
+    matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
+    item = read_light(prim, matrix, is_animated(prim), reading.not_read, reading.reader.files)
+    if isinstance(item, Light):
+        reading.lights.append(item)
+    elif isinstance(item, Environment):
+        reading.environments.append(item)
 
 
-def _mesh_parts(usd_mesh: UsdGeom.Mesh, reader: MaterialReader, not_read: list[str]):
-    """For each material subset, and for the faces in none: (name, material index, key, function that makes the Mesh).
+def _read_mesh(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
+    deformation, parts = _mesh_and_parts(prim, None, reading)
+    anchor, local, local_moves = _frame(prim, deformation)
+    placement = place(anchor, local, local_moves, visibility)
+    moves = placement.moves or placement.visible is not None or (deformation is not None and deformation.moves)
+    for part, indices in _add_meshes(deformation, parts, 1, reading):
+        reading.objects.append(SceneObject(name=part.name, mesh=indices[0], material=part.material, moves=moves))
+        reading.placements.append(placement)
 
-    Instances of one prototype have equal keys, so that their mesh is made once.
-    """
-    prim = usd_mesh.GetPrim()
-    path = str(prim.GetPath())
-    shared = str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
-    counts = np.array(usd_mesh.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()) or (), dtype=np.int64)
-    if not len(counts):
+
+def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, reading: Reading) -> None:
+    path = str(instancer.GetPath())
+    stage = instancer.GetPrim().GetStage()
+    roots = [stage.GetPrimAtPath(target) for target in instancer.GetPrototypesRel().GetForwardedTargets()]
+    if not roots:
+        reading.not_read.append(f"PointInstancer {path}: it has no prototypes")
         return
-    if usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none and len(counts) and (counts != 3).any():
-        not_read.append(f"subdivision of {path}: its control mesh is drawn")
-    if usd_mesh.GetPointsAttr().ValueMightBeTimeVarying():
-        not_read.append(f"moving points of {path}: they are drawn as they begin")
-    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-    rest = np.ones(len(counts), dtype=bool)
-    selections: list[tuple[str, Usd.Prim, NDArray]] = []
-    for subset in subsets:
-        faces = np.array(subset.GetIndicesAttr().Get() or (), dtype=np.int64)
-        if len(faces) and (faces.min() < 0 or faces.max() >= len(counts)):
-            raise InputError("subset names a face that the mesh has not", field=str(subset.GetPath()))
-        rest[faces] = False
-        selections.append((subset.GetPrim().GetName(), subset.GetPrim(), faces))
-    if rest.any():
-        selections.append(("", prim, np.flatnonzero(rest)))
-    for name, bound, faces in selections:
-        material = UsdShade.MaterialBindingAPI(bound).ComputeBoundMaterial()[0]
-        index = reader.material_index(material if material else None)
-        if not material and UsdGeom.Gprim(prim).GetDisplayColorAttr().HasAuthoredValue():
-            not_read.append(f"displayColor of {path}: it is drawn grey")
-        uv_name = reader.uv_names.get(index, "st")
-        part = f"{path}/{name}" if name else path
-        yield part, index, (shared, name, uv_name), partial(_triangles, usd_mesh, counts, faces, uv_name, part)
+    instances = read_instances(instancer)
+    placed: list[PrototypePart] = []
+    objects: list[SceneObject] = []
+    for number, root in enumerate(roots):
+        if not root:
+            raise InputError("names a prototype that is not there", field=path)
+        members = instances.ids[instances.prototypes == number].tolist()
+        predicate = SHOWN if root.IsDefined() and not root.IsAbstract() else ALSO_ABSTRACT
+        for prim, shown in _drawn_prims(root, root, predicate, reading) if members else ():
+            if prim.IsA(UsdGeom.PointInstancer) or prim.HasAPI(UsdLux.LightAPI):
+                reading.not_read.append(f"{prim.GetTypeName()} {prim.GetPath()} in a prototype of {path}")
+            if not prim.IsA(UsdGeom.Mesh):
+                continue
+            deformation, parts = _mesh_and_parts(prim, root, reading)
+            anchor, local, local_moves = _frame(prim, deformation)
+            for part, indices in _add_meshes(deformation, parts, len(members), reading):
+                placed.append(
+                    PrototypePart(
+                        prototype=number, root=root, anchor=anchor, local=local, local_moves=local_moves, visibility=shown
+                    )  # fmt: skip
+                )
+                inside = part.name[len(str(root.GetPath().GetParentPath()).rstrip("/")) :]
+                moves = deformation is not None and deformation.moves
+                objects += [
+                    SceneObject(name=f"{path}[{member}]{inside}", mesh=index, material=part.material, moves=moves)
+                    for member, index in zip(members, indices, strict=True)
+                ]
+    placement = place_instances(instances, placed, visibility)
+    if placement.moves or placement.visible is not None:
+        objects = [SceneObject(name=item.name, mesh=item.mesh, material=item.material, moves=True) for item in objects]
+    reading.objects += objects
+    reading.placements.append(placement)
 
 
-def _triangles(usd_mesh: UsdGeom.Mesh, counts: NDArray, faces: NDArray, uv_name: str, name: str) -> Mesh:
-    time = Usd.TimeCode.EarliestTime()
-    points = np.array(usd_mesh.GetPointsAttr().Get(time) or (), dtype=np.float32).reshape(-1, 3)
-    indices = np.array(usd_mesh.GetFaceVertexIndicesAttr().Get(time) or (), dtype=np.int64)
-    if counts.min() < 0 or counts.sum() != len(indices):
-        raise InputError(f"face counts ask for {counts.sum()} indices, there are {len(indices)}", field=name)
-    if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
-        raise InputError(f"face index {indices.max()} with only {len(points)} points", field=name)
-    corner, face = _fan(counts, faces)
-    if usd_mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
-        corner, face = corner[:, ::-1], face[:, ::-1]
-    api = UsdGeom.PrimvarsAPI(usd_mesh)
-    normals = _primvar(api.GetPrimvar("normals"), corner, face, indices, 3, name)
-    if normals is None and usd_mesh.GetNormalsAttr().Get(time):
-        values = np.array(usd_mesh.GetNormalsAttr().Get(time), dtype=np.float32)
-        normals = _interpolated(values, str(usd_mesh.GetNormalsInterpolation()), corner, face, indices, name)
-    uv = _primvar(api.GetPrimvar(uv_name), corner, face, indices, 2, name)
-    smooth = normals is None and usd_mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none
-    positions = points[indices[corner]]
-    if smooth:
-        normals = _vertex_normals(points, indices[corner])[indices[corner]]
-    mesh = _indexed(name, positions, normals, uv)
-    problem = validate_mesh(mesh)
-    if problem:
-        raise InputError(problem, field=name)
-    return mesh
+def _mesh_and_parts(
+    prim: Usd.Prim, top: Usd.Prim | None, reading: Reading
+) -> tuple[Deformation | None, list[MeshPart]]:
+    usd_mesh = UsdGeom.Mesh(prim)
+    if prim.HasAPI(UsdLux.LightAPI):
+        reading.not_read.append(f"light of mesh {prim.GetPath()}: it is drawn without shining")
+    parts = list(mesh_parts(usd_mesh, reading.reader, reading.not_read))
+    return (read_deformation(usd_mesh, reading.skins, top, reading.not_read) if parts else None), parts
 
 
-def _fan(counts: NDArray, faces: NDArray) -> tuple[NDArray, NDArray]:
-    """Corner indices [T, 3] of fan triangles of the chosen faces, and the face [T, 3] each corner belongs to."""
-    starts = np.concatenate([[0], np.cumsum(counts)])[faces]
-    inner = np.maximum(counts[faces] - 2, 0)
-    start, face = np.repeat(starts, inner), np.repeat(faces, inner)
-    step = np.arange(len(start)) - np.repeat(np.cumsum(inner) - inner, inner)
-    return np.stack([start, start + step + 1, start + step + 2], axis=1), np.stack([face] * 3, axis=1)
+def _frame(prim: Usd.Prim, deformation: Deformation | None):
+    """The prim that carries the object, its matrix in that prim's space, and whether that matrix changes."""
+    skin = deformation.skin if deformation is not None else None
+    if skin is None:
+        return prim, None, False
+    return deformation.anchor, partial(object_matrix, deformation), skin.rigid and skin.moves
 
 
-def _primvar(primvar: UsdGeom.Primvar, corner: NDArray, face: NDArray, indices: NDArray, width: int, name: str):
-    if not primvar or not primvar.HasValue():
-        return None
-    flat = primvar.ComputeFlattened(Usd.TimeCode.EarliestTime())
-    values = np.array(flat, dtype=np.float32).reshape(len(flat), -1)[:, :width]
-    return _interpolated(values, str(primvar.GetInterpolation()), corner, face, indices, name)
+def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: int, reading: Reading):
+    """Adds the meshes of a prim that is drawn `count` times: for each part, the mesh of every drawing. Meshes that keep their
+    shape are shared; those that move belong to one object each."""
+    if deformation is None or not deformation.reshapes:
+        for part in parts:
+            if part.key not in reading.index_of:
+                reading.index_of[part.key] = len(reading.meshes)
+                reading.meshes.append(still_mesh(part))
+            yield part, [reading.index_of[part.key]] * count
+        return
+    begin = Usd.TimeCode(0)
+    now = pose(deformation, begin)
+    sources = []
+    for part in parts:
+        mesh, source = moving_mesh(part)
+        first = deformed_vertices(deformation, now, source, begin)
+        mesh = with_vertices(mesh, first.positions, first.normals, deformation.moves)
+        copies = count if deformation.moves else 1
+        indices = list(range(len(reading.meshes), len(reading.meshes) + copies))
+        reading.meshes += [mesh] * copies
+        sources.append((source, tuple(indices)))
+        yield part, indices if deformation.moves else indices * count
+    if deformation.moves:
+        reading.moving.append(Moving(deformation, tuple(sources)))
 
 
-def _interpolated(values: NDArray, interpolation: str, corner: NDArray, face: NDArray, indices: NDArray, name: str):
-    """Values [T, 3, k] at each corner."""
-    lookup = {
-        "constant": np.zeros_like(corner),
-        "uniform": face,
-        "vertex": indices[corner],
-        "varying": indices[corner],
-        "faceVarying": corner,
-    }[interpolation]
-    if lookup.size and lookup.max() >= len(values):
-        raise InputError(f"{interpolation} primvar has {len(values)} values, {lookup.max() + 1} are needed", field=name)
-    return values[lookup]
+def _world_from_object(
+    stage: Usd.Stage, placements: list[Placement], rate: float, file: Path
+) -> Callable[[float], NDArray[np.float64]]:
+    start = UsdGeom.XformCache(Usd.TimeCode(0))
+    begin = np.concatenate([np.zeros((0, 4, 4)), *(item.matrices(start) for item in placements)])
+    moving = [(row, item) for row, item in _rows(placements) if item.moves]
+
+    def world_from_object(time_s: float) -> NDArray[np.float64]:
+        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
+        cache = UsdGeom.XformCache(Usd.TimeCode(time_s * rate))
+        matrices = begin.copy()
+        with _naming(file):
+            for row, item in moving:
+                matrices[row : row + item.count] = item.matrices(cache)
+        return matrices
+
+    return world_from_object
 
 
-def _vertex_normals(points: NDArray, triangles: NDArray) -> NDArray:
-    """Area-weighted normals [V, 3]."""
-    a, b, c = (points[triangles[:, k]].astype(float) for k in range(3))
-    weighted = np.cross(b - a, c - a)
-    sums = np.zeros((len(points), 3))
-    for k in range(3):
-        np.add.at(sums, triangles[:, k], weighted)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return (sums / np.where(lengths > 0, lengths, 1)).astype(np.float32)
+def _visible(stage: Usd.Stage, placements: list[Placement], rate: float) -> Callable[[float], NDArray[np.bool_]] | None:
+    changing = [(row, item) for row, item in _rows(placements) if item.visible is not None]
+    count = sum(item.count for item in placements)
+
+    def visible(time_s: float) -> NDArray[np.bool_]:
+        assert stage
+        shown = np.ones(count, dtype=bool)
+        for row, item in changing:
+            shown[row : row + item.count] = item.visible(Usd.TimeCode(time_s * rate))
+        return shown
+
+    return visible if changing else None
 
 
-def _indexed(name: str, positions: NDArray, normals: NDArray | None, uv: NDArray | None) -> Mesh:
-    """A mesh from corner values [T, 3, k], with equal corners merged."""
-    parts = [array.reshape(-1, array.shape[-1]) for array in (positions, normals, uv) if array is not None]
-    corners = np.ascontiguousarray(np.concatenate(parts, axis=1))
-    unique, inverse = np.unique(corners, axis=0, return_inverse=True) if len(corners) else (corners, np.zeros(0, int))
-    columns = iter(np.split(unique, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1))
-    return Mesh(
-        name=name,
-        positions=np.ascontiguousarray(next(columns)),
-        normals=np.ascontiguousarray(next(columns)) if normals is not None else None,
-        uv=np.ascontiguousarray(next(columns)) if uv is not None else None,
-        faces=inverse.reshape(-1, 3).astype(np.uint32),
-    )
+def _rows(placements: list[Placement]) -> Iterator[tuple[int, Placement]]:
+    row = 0
+    for item in placements:
+        yield row, item
+        row += item.count
+
+
+def _deformed(stage: Usd.Stage, moving: list[Moving], rate: float, file: Path) -> Callable[[float], dict[int, Deformed]]:
+    def deformed(time_s: float) -> dict[int, Deformed]:
+        assert stage
+        code = Usd.TimeCode(time_s * rate)
+        out: dict[int, Deformed] = {}
+        with _naming(file):
+            for item in moving:
+                now = pose(item.deformation, code)
+                for source, indices in item.parts:
+                    vertices = deformed_vertices(item.deformation, now, source, code)
+                    out |= dict.fromkeys(indices, vertices)
+        return out
+
+    return deformed
