@@ -78,14 +78,14 @@ def test_the_band_is_left_out_and_no_more():
     now, before = frames()
     now["object_id"][:, 12:] = before["object_id"][:, 14:] = 2  # a border that moves with the wall
     for band in (1, 2):
-        judged = ~np.isnan(warp_errors(now, before, camera(), *STILL, band)["object_id"])
+        judged = ~np.isnan(warp_errors(now, before, camera(), *STILL, band=band)["object_id"])
         columns = set(np.flatnonzero(judged[8]))
         # J(t-1) - J(t) = (-0.375, 0.875): pixel i is found in column i + 2 (rounded down), whose band must be clear as well;
         # columns 22 and 23 were outside the previous frame
         assert columns == set(range(band, 12 - band)) | set(range(12 + band, 22))
     before["object_id"][6, 8] = 3  # in the previous frame alone, where row 5, column 6 is found
     for band in (1, 2):
-        judged = ~np.isnan(warp_errors(now, before, camera(), *STILL, band)["object_id"])
+        judged = ~np.isnan(warp_errors(now, before, camera(), *STILL, band=band)["object_id"])
         assert not judged[5 + band, 6] and not judged[5, 6 + band]
         assert judged[6 + band, 6] and judged[5, 7 + band]
 
@@ -206,3 +206,11 @@ def test_a_rendered_sequence_is_consistent_but_for_a_planted_frame(two_quads_cor
     assert worst[0].measures["position"].consistent < 0.1 and worst[1].measures["position"].consistent == 1
     picture = consistency_picture(frame_errors(corpus, sequence, stream, 2))
     assert picture.shape == (27, 48, 3) and np.all(picture == RED, axis=-1).sum() > 100
+
+
+def test_the_positions_of_what_deforms_are_not_judged():
+    now, before = frames()
+    now["motion"] = now["motion"] + np.float32([3, 0])
+    rigid = warp_errors(now, before, camera(), JITTER, PREVIOUS_JITTER, [1, 2])["position"]
+    soft = warp_errors(now, before, camera(), JITTER, PREVIOUS_JITTER, [1, 2], [1, 2])["position"]
+    assert not np.isnan(rigid).all() and np.isnan(soft[now["object_id"][..., 0] > 0]).all()

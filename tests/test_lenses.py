@@ -5,7 +5,9 @@ import pytest
 
 from analytic import Stage, at, fractions, make_scene, path_of, quad
 from framepairs.camera_path import make_camera_path
+from framepairs.consistency import NEEDED, warp_consistency
 from framepairs.errors import InputError
+from framepairs.manifest import CameraRecord
 from framepairs.scene.description import Material, Slot, Texture
 from framepairs.scene.needs import channel_needs
 
@@ -123,3 +125,20 @@ def test_lenses_are_interpolated():
     assert [stage.shoot.camera(k).height for k in range(3)] == [2, 3, 4]
     plain = path_of(np.eye(4))
     assert Stage(make_scene(), plain, display=DISPLAY).shoot.camera(0).height is None
+
+
+@pytest.mark.parametrize("before, now, keys", LENSES)
+def test_depth_and_matrices_witness_the_motion_of_every_lens(before, now, keys):
+    """What `validate` measures: wall and sky, under a lens that changes, land where the stored matrices say."""
+    wall = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0.5, 0, 1, -3], [0, 0, 0, 1.0]])
+    stage = Stage(make_scene((quad(1.5, 40), GRAY, wall)), path(before, now, **keys), display=DISPLAY)
+    first, second = (stage.arrays(frame, "hr", frozenset(NEEDED)) for frame in (0, 1))
+    state = stage.shoot.state(1)
+    record = CameraRecord(
+        fov_y_rad=state.camera.fov_y, near=0.01, far=1000.0,
+        view_from_world=state.camera.view_from_world.tolist(), clip_from_view=state.camera.clip_from_view.tolist(),
+        previous_view_from_world=state.previous_camera.view_from_world.tolist(),
+        previous_clip_from_view=state.previous_camera.clip_from_view.tolist(),
+    )  # fmt: skip
+    result = warp_consistency(second, first, record, (0.0, 0.0), (0.0, 0.0), [])
+    assert result.pixels > 2000 and result.same_object == 1 and result.same_place == 1 and result.residual_p99 < 0.01

@@ -8,7 +8,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "generator" / "framepairs"
 ARCHITECTURE = (PACKAGE.parents[1] / "docs" / "architecture.md").read_text()
 ALLOWED_TO_BE_LONG = {"cli": 440}  # one function per command, each a page of options
-DRJIT_FREE = {"corpus", "exr", "manifest", "channels", "conventions", "jitter", "plan", "errors", "camera_path", "motion_conventions"}
+DRJIT_FREE = {"corpus", "exr", "manifest", "channels", "conventions", "jitter", "plan", "errors", "camera_path"}
+DRJIT_FREE |= {"motion_conventions", "demodulation"}
 
 
 def module_order() -> list[str]:

@@ -104,6 +104,7 @@ def render(
     streams: Annotated[str | None, typer.Option(help="LR native,jittered,mip,jittered_mip and hr_native,hr_mip0")] = None,
     channels: Annotated[str | None, typer.Option(help="a,b,c for exactly these, 'all', or 'needed'")] = None,
     environment: Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")] = None,
+    clip: Annotated[str | None, typer.Option(help="animation clip of a glTF file; default: the first")] = None,
     plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
     settings: Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")] = None,
     backend: Backend = "auto",
@@ -120,7 +121,7 @@ def render(
     resolved = make_plan(values, file=plan or "options")
     scene_file = find_scene(scene)
     _activate(backend)
-    job = make_job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"))
+    job = make_job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"), clip)
     _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
 
 

@@ -17,6 +17,7 @@ from .channels import IN_FRONT_OF_PREVIOUS_CAMERA, INSIDE_PREVIOUS_FRAME, SEEN_B
 from .corpus import Corpus
 from .errors import InputError
 from .manifest import CameraRecord
+from .reprojection import residuals
 from .warp import Image, bilinear, fetch, nearest, pixel_centres, to_image
 
 TOLERANCE_PX = 0.05
@@ -31,7 +32,6 @@ UNITS = {
 PERCENTILES = (50, 90, 99, 100)
 BAND = 1  # pixels
 NEEDED = ("object_id", "depth", "motion", "visibility")
-FEWEST_PIXELS = 32  # an object with fewer interior pixels is not judged: an affine map has twelve unknowns
 ALL_SEEN = INSIDE_PREVIOUS_FRAME | IN_FRONT_OF_PREVIOUS_CAMERA | SEEN_BY_PREVIOUS_CAMERA
 GREY, RED, DARK = (128, 128, 128), (220, 40, 40), (24, 24, 24)
 
@@ -77,11 +77,12 @@ def warp_consistency(
     jitter: tuple[float, float],
     previous_jitter: tuple[float, float],
     moving: list[int],
+    deforming: list[int] = (),
 ) -> WarpConsistency:
     """`now` and `before`: object_id, depth, motion and visibility of one stream in two frames that follow each other.
-    moving: the ids of animated objects."""
+    moving, deforming: the ids of animated objects, and of those among them whose vertices move."""
     now, before = ({name: arrays[name] for name in NEEDED} for arrays in (now, before))
-    errors = warp_errors(now, before, camera, jitter, previous_jitter, moving)
+    errors = warp_errors(now, before, camera, jitter, previous_jitter, moving, deforming)
     other_object = errors["object_id"][~np.isnan(errors["object_id"])]
     if not len(other_object):
         return WarpConsistency(pixels=0, same_object=1.0, same_place=1.0, residual_median=0.0, residual_p99=0.0)
@@ -103,13 +104,15 @@ def warp_errors(
     jitter: tuple[float, float],
     previous_jitter: tuple[float, float],
     moving: list[int],
+    deforming: list[int] = (),
     band: int = BAND,
 ) -> dict[str, NDArray]:
     """[height, width] float64 per measure, in UNITS; NaN where a pixel is not judged.
 
     `now` and `before`: of two frames that follow each other, one stream's object_id, depth, motion, visibility and, to be
-    measured, albedo and normal. moving: the ids of animated objects; their normals, which may turn with them, are not
-    judged, nor positions of those with fewer than 32 pixels. band: pixels around a judged one that hold the same object.
+    measured, albedo and normal. moving: the ids of animated objects; not judged are their normals, which may turn with them,
+    and positions of those with fewer than 32 pixels or that are `deforming`, too. band: pixels around a judged one that hold
+    the same object.
     """
     motion = to_image(now["motion"])
     identity, old_identity = to_image(now["object_id"]), to_image(before["object_id"])
@@ -134,7 +137,7 @@ def warp_errors(
     ids = now["object_id"].ravel()[pick]
     old = {name: np.stack([np.array(p)[pick] for p in planes], axis=-1).astype(float) for name, planes in warped.items()}
     fractions = [np.array(v)[pick] / extent for v, extent in ((x, width), (y, height), (old_x, width), (old_y, height))]
-    residual = _residuals(
+    residual = residuals(
         ids=ids,
         inverse_depth=1 / now["depth"].ravel()[pick].astype(np.float64),
         old_inverse_depth=old["inverse_depth"][:, 0],
@@ -142,6 +145,7 @@ def warp_errors(
         old_place=np.stack(fractions[2:], axis=1).astype(np.float64),
         camera=camera,
         moving=moving,
+        deforming=deforming,
         size=np.array([width, height]),
     )
     errors = {"object_id": 1.0 - np.array(same)[pick], "position": residual}
@@ -180,7 +184,7 @@ def frame_errors(corpus: Corpus, sequence: str, stream: str, frame: int, band: i
         {name: corpus.read(sequence, stream, name, number) for name in (*NEEDED, *optional)} for number in (frame, frame - 1)
     )
     jitters = (corpus.record(sequence, number).streams[stream].jitter for number in (frame, frame - 1))
-    return warp_errors(now, before, record.camera, *jitters, entry.moving, band)
+    return warp_errors(now, before, record.camera, *jitters, entry.moving, entry.deforming, band)
 
 
 def sequence_consistency(corpus: Corpus, sequence: str, stream: str, band: int = BAND) -> Iterator[FrameConsistency]:
@@ -247,54 +251,3 @@ def _uniform(identity: Image, x, y, band: int) -> jit.Bool:
         for column in range(-band, band + 1):
             same &= fetch(identity, i + column, j + row)[0] == centre
     return same
-
-
-def _residuals(*, ids, inverse_depth, old_inverse_depth, place, old_place, camera: CameraRecord, moving, size) -> NDArray:
-    """Pixels between where motion leads and where the point was; NaN for objects that are too small to tell.
-
-    What is not animated must stand still in the world. An animated object is given the affine motion that fits its own
-    points in space, so that it is not blamed on the camera.
-    """
-    clip, old_clip = np.array(camera.clip_from_view), np.array(camera.previous_clip_from_view)
-    old_from_now = np.array(camera.previous_view_from_world) @ np.linalg.inv(np.array(camera.view_from_world))
-    points = _homogeneous(place, inverse_depth, clip)
-    old_points = _homogeneous(old_place, old_inverse_depth, old_clip)
-    residual = _distance(points @ old_from_now.T, old_clip, old_place, size)
-    for identity in np.intersect1d(ids, moving):
-        own = np.flatnonzero(ids == identity)
-        if len(own) < FEWEST_PIXELS:
-            residual[own] = np.nan
-            continue
-        moved = _fitted(points[own], old_points[own])
-        residual[own] = np.minimum(residual[own], _distance(moved, old_clip, old_place[own], size))
-    return residual
-
-
-def _homogeneous(place: NDArray, inverse_depth: NDArray, clip: NDArray) -> NDArray:
-    """[n, 4] view-space points over depth: (x / z, y / z, -1, 1 / z); directions where the depth is infinite."""
-    x = (2 * place[:, 0] - 1) / clip[0, 0]
-    y = (1 - 2 * place[:, 1]) / clip[1, 1]
-    return np.stack([x, y, -np.ones_like(x), inverse_depth], axis=1)
-
-
-def _fitted(points: NDArray, old_points: NDArray) -> NDArray:
-    """`points` moved by the affine map that best takes them to `old_points`, weighted towards the median's surroundings."""
-    a, b = points / points[:, 3:], old_points / old_points[:, 3:]
-    centre, spread = a[:, :3].mean(axis=0), a[:, :3].std() or 1.0
-    columns = np.concatenate([(a[:, :3] - centre) / spread, np.ones((len(a), 1))], axis=1)
-    good = np.isfinite(b).all(axis=1)
-    for _ in range(3):
-        solution = np.linalg.lstsq(columns[good], b[good, :3], rcond=1e-7)[0]
-        error = np.linalg.norm(columns @ solution - b[:, :3], axis=1)
-        good = np.isfinite(error) & (error <= np.nanpercentile(error, 80))
-    moved = columns @ solution
-    return np.concatenate([moved, np.ones((len(moved), 1))], axis=1)
-
-
-def _distance(moved: NDArray, clip: NDArray, place: NDArray, size: NDArray) -> NDArray:
-    """Pixels between the projection of view-space points and a place of the frame."""
-    z = np.where(-moved[:, 2] > 0, -moved[:, 2], np.nan)
-    x = 0.5 + 0.5 * clip[0, 0] * moved[:, 0] / z
-    y = 0.5 - 0.5 * clip[1, 1] * moved[:, 1] / z
-    distance = np.hypot((x - place[:, 0]) * size[0], (y - place[:, 1]) * size[1])
-    return np.where(np.isnan(distance), np.inf, distance)

@@ -42,6 +42,7 @@ class Job:
     path_name: str
     plan: RenderPlan
     out: Path
+    clip: str | None = None
 
     @cached_property
     def shoot(self) -> Shoot:
@@ -82,6 +83,7 @@ class Job:
                 "plan": plan,
                 "scene": self.scene_sha256,
                 "environment": self.environment,
+                "animation_clip": self.clip,
                 "camera_path": self.path.model_dump(mode="json"),
                 "sequence": self.sequence,
                 "frame": frame,
@@ -165,6 +167,8 @@ def _sequence_record(job: Job) -> SequenceRecord:
         metres_per_unit=job.scene.metres_per_unit,
         objects=[item.name for item in job.scene.objects],
         moving=[index for index, item in enumerate(job.scene.objects, start=1) if item.moves],
+        deforming=[index for index, item in enumerate(job.scene.objects, start=1) if job.scene.meshes[item.mesh].deforms],
+        animation_clip=job.clip,
         channels=[channel.name for channel in job.channels],
         constants=constants,
     )

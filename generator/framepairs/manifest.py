@@ -110,6 +110,8 @@ class SequenceRecord(_Model):
     metres_per_unit: float
     objects: list[str] = Field(description="names; object_id is 1 + index")
     moving: list[int] = Field(description="object_id of every object that is animated")
+    deforming: list[int] = Field([], description="object_id of every object whose vertices move")
+    animation_clip: str | None = Field(None, description="the clip that was asked for, of files that hold several")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")
     split: Literal["train", "val", "test"] = "train"

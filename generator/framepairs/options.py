@@ -51,29 +51,41 @@ def camera_path_of(scene: str, camera: str | None, described: SceneDescription) 
     return read_camera_path(find_camera_path(camera)), camera
 
 
-def make_job(scene: str, file: Path, camera: str | None, environment: Path | None, plan: RenderPlan, out: Path, stored=None):
+def make_job(
+    scene: str,
+    file: Path,
+    camera: str | None,
+    environment: Path | None,
+    plan: RenderPlan,
+    out: Path,
+    clip: str | None = None,
+    stored=None,
+):
     """The Job of a scene; `stored` is the SequenceRecord that it must repeat."""
     from .job import Job  # activates a back end
 
     if environment is not None and not environment.is_file():
         raise InputError("no such environment", file=environment)
-    lit, light = light_scene(load_scene(file), environment)
+    lit, light = light_scene(load_scene(file, clip), environment)
     if stored is not None and scene_hash(lit) != stored.scene_sha256:
         raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
     path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
-    return Job(scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out)
+    return Job(
+        scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out, clip=clip
+    )  # fmt: skip
 
 
 def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path):
     """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
+    clip = entry.animation_clip
     environment = Path(entry.environment) if entry.environment not in (None, "default") else None
     if moved_to is not None:
         try:
-            return make_job(entry.scene, find_scene(moved_to), None, environment, plan, out, stored=entry), True
+            return make_job(entry.scene, find_scene(moved_to), None, environment, plan, out, clip, entry), True
         except InputError as error:
             if "sha256 differs" not in error.problem:
                 raise
-    return make_job(entry.scene, find_scene(entry.scene), None, environment, plan, out, stored=entry), False
+    return make_job(entry.scene, find_scene(entry.scene), None, environment, plan, out, clip, entry), False
 
 
 def frame_range(text: str | None, count: int) -> range:

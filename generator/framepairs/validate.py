@@ -85,7 +85,7 @@ def validate_corpus(corpus: Corpus, on_frame: Callable[[str, int], None] | None 
             _check_schema(corpus.folder / sequence / "sequence.json", "sequence", found)
             _check_surplus(corpus, sequence, found)
             _check_complete(corpus, sequence, found)
-            moving = corpus.sequence(sequence).moving
+            moved = corpus.sequence(sequence).moving, corpus.sequence(sequence).deforming
             before: dict[str, dict[str, NDArray]] = {}
             last: FrameRecord | None = None
             for frame in corpus.frames(sequence):
@@ -103,7 +103,7 @@ def validate_corpus(corpus: Corpus, on_frame: Callable[[str, int], None] | None 
                     _check_jitter(corpus, record, stream, where, found)
                     now[stream] = {name: arrays[name] for name in WARP_CHANNELS & set(arrays)}
                     if follows and stream in before:
-                        _check_warp(arrays, before[stream], record, last, stream, moving, where, found)
+                        _check_warp(arrays, before[stream], record, last, stream, moved, where, found)
                     if follows and _stands_still(now, before, record) and "motion" in arrays:
                         found.add("still", np.count_nonzero(arrays["motion"]), where)
                 before, last = now, record
@@ -243,11 +243,11 @@ def _check_jitter(corpus: Corpus, record: FrameRecord, stream: str, where: str, 
     found.add("jitter", error, where)
 
 
-def _check_warp(arrays, before, record, last, stream: str, moving: list[int], where: str, found: _Findings) -> None:
+def _check_warp(arrays, before, record, last, stream: str, moved, where: str, found: _Findings) -> None:
     if not set(arrays) >= WARP_CHANNELS or not set(before) >= WARP_CHANNELS:
         return
     jitters = record.streams[stream].jitter, last.streams[stream].jitter
-    result = warp_consistency(arrays, before, record.camera, *jitters, moving)
+    result = warp_consistency(arrays, before, record.camera, *jitters, *moved)
     if result.pixels:
         found.add("warp_object", result.same_object, f"{where}: {result.same_object:.5f}")
         found.add("warp_place", result.same_place, f"{where}: {result.same_place:.5f}, p99 {result.residual_p99:.3g} px")

@@ -13,19 +13,23 @@ from .images import linear_texels, read_image
 LARGEST_HALF = 65504
 
 
-def load_scene(file: Path) -> SceneDescription:
-    """The scene in `file`, by its suffix. Raises InputError naming the file."""
+def load_scene(file: Path, clip: str | None = None) -> SceneDescription:
+    """The scene in `file`, by its suffix, with the animation clip of that name (glTF; the first by default). Raises InputError
+    naming the file."""
     suffix = file.suffix.lower()
     if not file.is_file():
         raise InputError("no such scene", file=file)
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
         from .usd import load_usd
 
+        if clip is not None:
+            raise InputError(f"has one animation, no clip {clip!r}", file=file, field="clip")
+
         return load_usd(file)
     from .triangles import SUFFIXES, load_triangles
 
     if suffix in SUFFIXES:
-        return load_triangles(file)
+        return load_triangles(file, clip)
     raise InputError(f"unknown scene format {suffix!r}: .usd .usda .usdc .usdz {' '.join(SUFFIXES)} are read", file=file)
 
 

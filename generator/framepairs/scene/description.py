@@ -144,8 +144,8 @@ class SceneDescription:
 
     world_from_object: function of the animation's time in seconds to [objects, 4, 4] float64. deformed: of the time to the
     vertices of every mesh that deforms, by mesh index; None where none does. visible: of the time to [objects] bool; None
-    where all objects are always drawn. files: every file that was
-    read, the main one first. up_axis: 'Y' or 'Z'. not_read: what the file holds and we do not draw, each a sentence.
+    where all objects are always drawn. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
+    what the file holds and we do not draw, each a sentence.
     """
 
     name: str
@@ -174,10 +174,11 @@ class SceneDescription:
 
 
 def scene_bounds(scene: SceneDescription, time_s: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest corner [3] of all objects in world space; (0, 0, 0) twice for an empty scene."""
+    """Least and greatest corner [3] of all objects in world space at a time; (0, 0, 0) twice for an empty scene."""
     corners = []
+    deformed = scene.deformed(time_s) if scene.deformed else {}
     for item, matrix in zip(scene.objects, scene.world_from_object(time_s), strict=True):
-        positions = scene.meshes[item.mesh].positions
+        positions = deformed.get(item.mesh, scene.meshes[item.mesh]).positions
         if len(positions):
             low, high = positions.min(axis=0).astype(float), positions.max(axis=0).astype(float)
             box = np.array([[x, y, z, 1] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
