@@ -144,7 +144,9 @@ class SceneDescription:
 
     world_from_object: function of the animation's time in seconds to [objects, 4, 4] float64. deformed: of the time to the
     vertices of every mesh that deforms, by mesh index; None where none does. visible: of the time to [objects] bool; None
-    where all objects are always drawn. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
+    where all objects are always drawn. lights_at, materials_at: of the time to the lights and materials, in their order; None
+    where none changes. Only a light's place, direction, extent and radiance may change, and a material's constants and uv
+    transforms. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
     what the file holds and we do not draw, each a sentence.
     """
 
@@ -161,6 +163,8 @@ class SceneDescription:
     world_from_object: Callable[[float], NDArray[np.float64]]
     deformed: Callable[[float], dict[int, Deformed]] | None = None
     visible: Callable[[float], NDArray[np.bool_]] | None = None
+    lights_at: Callable[[float], tuple[Light, ...]] | None = None
+    materials_at: Callable[[float], tuple[Material, ...]] | None = None
     animation_end_s: float = 0.0
     not_read: tuple[str, ...] = ()
 
