@@ -7,7 +7,8 @@ import pytest
 
 from analytic import Stage, at, camera_basis, fractions, make_scene, path_of, project, quad
 from framepairs.conventions import Stream
-from framepairs.scene.description import Deformed, Material, Mesh
+from framepairs.scene.description import Deformed, Light, Material, Mesh, Slot, Texture
+from framepairs.scene.needs import channel_needs
 
 GRAY = Material(name="gray")
 DISPLAY = (192, 108)
@@ -129,7 +130,6 @@ def test_an_object_appears_and_disappears():
 
 
 def test_what_is_hidden_casts_no_shadow():
-    from framepairs.scene.description import Light
 
     sun = Light(name="sun", kind="directional", radiance=(3, 3, 3), direction=(0.6, 0, -0.8))
     stage = Stage(replace(blinking(), lights=(sun,)), path_of(*[np.eye(4)] * 2), display=DISPLAY, antialiasing=1)
@@ -149,3 +149,36 @@ def test_an_object_without_extent_is_not_drawn_and_breaks_nothing(matrix):
         arrays = stage.arrays(frame, "hr")
         assert arrays["object_id"][54, 96, 0] == seen
         assert all(np.isfinite(array).all() for array in arrays.values())
+
+
+def test_lights_and_materials_change_and_move_no_surface():
+    """A wall with a texture that scrolls by half of itself a frame, under a sun that dims and a glow that grows."""
+    texels = np.full((2, 2, 4), 255, np.uint8)
+    texels[:, 1, :3] = 0
+    image = Texture(name="halves", texels=texels, srgb=False)
+    sun = Light(name="sun", kind="directional", radiance=(np.pi,) * 3, direction=(0, 0, -1))
+
+    def wall(time: float) -> Material:
+        slot = Slot(texture=0, uv=((1.0, 0.0, 0.5 * time), (0.0, 1.0, 0.0)))
+        return Material(
+            name="wall", base_color=(1, 1, 1), specular=0.0, roughness=1.0, base_texture=slot, emission=(0.25 * time,) * 3
+        )
+
+    scene = replace(
+        make_scene((quad(4, 4), wall(0), at(0, 0, -1)), lights=(sun,), textures=(image,)),
+        lights_at=lambda time: (replace(sun, radiance=(np.pi * (1 - 0.5 * time),) * 3),),
+        materials_at=lambda time: (wall(time),),
+    )
+    keys = {"anisotropy": 1, "scales": (1,)}
+    stage = Stage(scene, path_of(*[np.eye(4)] * 2), display=DISPLAY, **keys)
+    first, second = (stage.arrays(frame, "lr_x1") for frame in (0, 1))
+    pixel = (54, 72)  # x = -0.14 of the wall's -2 to 2: u = 0.43, near the edge of the white half's middle
+    assert first["albedo"][pixel][0] + second["albedo"][pixel][0] == pytest.approx(1, abs=1e-3)
+    assert not second["motion"].any() and (second["visibility"] == 7).all()
+    for arrays, dimmed, glow in ((first, 1.0, 0.0), (second, 0.5, 0.25)):
+        np.testing.assert_allclose(arrays["emission"][pixel], glow, atol=1e-6)
+        lit = arrays["color"][pixel] - arrays["emission"][pixel]
+        np.testing.assert_allclose(lit, dimmed * arrays["albedo"][pixel], rtol=0.02, atol=2e-3)  # Schlick's rim at specular 0
+    alone = Stage(scene, path_of(*[np.eye(4)] * 2), display=DISPLAY, **keys).arrays(1, "lr_x1")
+    assert all(np.array_equal(alone[name], second[name]) for name in alone)
+    assert channel_needs(scene, stage.shoot.samples, stage.plan)["emission"].needed

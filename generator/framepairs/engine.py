@@ -1,6 +1,6 @@
 """Renders one FrameState into arrays: one kernel per stream for everything that is one sample, one for what is averaged."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,14 @@ from .gbuffer import GBuffer, Pixel, gbuffer, pixel_of
 from .geometry import Pose
 from .jitter import antialiasing_positions, jitter
 from .lights import Lights, lights_around
+from .materials import with_values
 from .motion import Before, Motion, motion_of
 from .path_tracing import path_light, path_seed
 from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
 from .radiance import Radiance, shade
 from .scene.description import SceneDescription
-from .shading import build_shading
+from .shading import Shading, build_shading
 
 AVERAGED = ("color", "emission", "brdf", "transparency")
 PATH_CHANNELS = frozenset({"color", "color_variance"})
@@ -43,6 +44,7 @@ class StreamFrame:
 class _Moment:
     """A frame on the device: now and before, everything that its streams share."""
 
+    shading: Shading
     pose: Pose
     view: View
     previous_pose: Pose
@@ -69,7 +71,11 @@ class Engine:
     def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
         """The `channels` of one stream of one frame. `sequence_seed` decides the light paths of `path` shading."""
         pose, previous_pose = self.shading.geometry.pose(frame)
+        shading = self.shading
+        if self.scene.materials_at is not None:
+            shading = replace(shading, materials=with_values(shading.materials, frame.materials))
         moment = _Moment(
+            shading=shading,
             pose=pose,
             view=view_of(frame.camera, frame.render_origin),
             previous_pose=previous_pose,
@@ -92,7 +98,7 @@ class Engine:
             _, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
             seed = path_seed(sequence_seed, frame.frame, stream)
             found = path_light(
-                self.shading, moment.lights, self.plan, moment.pose, moment.view, pixel, stream, offset, seed
+                shading, moment.lights, self.plan, moment.pose, moment.view, pixel, stream, offset, seed
             )
             columns |= {"color": columns["emission"] + found.reflected, "color_variance": found.variance}
             firefly, rejected = found.firefly, found.rejected
@@ -108,7 +114,7 @@ class Engine:
         i, j = _pixel_indices(stream)
         x = (i + 0.5 - dr.opaque(mi.Float, offset[0])) / size[0]
         y = (j + 0.5 - dr.opaque(mi.Float, offset[1])) / size[1]
-        shading = self.shading
+        shading = moment.shading
         self.passes["gbuffer"] += 1
         sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
         columns = _gbuffer_columns(sample, mi.UInt32(i))
@@ -139,7 +145,7 @@ class Engine:
         return {"motion": moved.motion, "dual_motion": moved.dual_motion, "visibility": moved.visibility}
 
     def _motion(self, moment: _Moment, before: Before, sample: GBuffer, x, y, size, occlusion: bool) -> Motion:
-        tables = self.shading.geometry, self.shading.materials
+        tables = moment.shading.geometry, moment.shading.materials
         now = moment.pose, moment.view, moment.precise_views[0]
         return motion_of(*tables, *now, before, sample, x, y, size, occlusion)
 
@@ -165,7 +171,7 @@ class Engine:
         k = mi.UInt32(0)
         color, emission, f_beta = mi.Color3f(0), mi.Color3f(0), mi.Color3f(0)
         transparency = mi.Float(0)
-        shading, lit = self.shading, self._lit
+        shading, lit = moment.shading, self._lit
         while dr.hint(k < count, exclude=[self, shading, lit, moment, pixel, size]):
             place = dr.gather(mi.Point2f, positions, k)
             x, y = (i + place.x) / size[0], (j + place.y) / size[1]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .camera_path import CameraPath, CameraSample, frame_count, make_camera_path, sample
 from .errors import InputError
-from .scene.description import Deformed, SceneDescription, rotation_from_y_up, scene_bounds
+from .scene.description import Deformed, Light, Material, SceneDescription, rotation_from_y_up, scene_bounds
 from .transforms import Matrix, Vector, clip_from_view, look_at, orthographic_clip_from_view
 
 ORIGIN_CELL_M = 4096.0
@@ -66,7 +66,7 @@ class FrameState:
     """One frame. On a reset (frame 0 of the path, or the first after a cut) the previous state equals the current.
 
     objects, previous_objects: where they are, which are drawn, and the vertices of those that deform. others: by frame
-    offset, what further motion leads to. render_origin: [3],
+    offset, what further motion leads to. lights, materials: as they are in this frame. render_origin: [3],
     the point that the passes take as (0, 0, 0) so that float32 resolves what lies around the camera.
     """
 
@@ -80,6 +80,8 @@ class FrameState:
     objects: ObjectStates
     previous_objects: ObjectStates
     others: dict[int, OtherTime]
+    lights: tuple[Light, ...]
+    materials: tuple[Material, ...]
     render_origin: Vector
 
 
@@ -154,6 +156,7 @@ class Shoot:
         """The state of `frame`, 0 <= frame < len(self)."""
         reset = frame == 0 or self.samples[frame].shot != self.samples[frame - 1].shot
         before = frame if reset else frame - 1
+        time_s = self.samples[frame].scene_time_s
         return FrameState(
             frame=frame,
             time_s=frame / self.path.fps,
@@ -162,8 +165,10 @@ class Shoot:
             exposure_ev=self.path.exposure_ev,
             camera=self.camera(frame),
             previous_camera=self.camera(before),
-            objects=self.objects(self.samples[frame].scene_time_s),
+            objects=self.objects(time_s),
             previous_objects=self.objects(self.samples[before].scene_time_s),
+            lights=self.scene.lights_at(time_s) if self.scene.lights_at else self.scene.lights,
+            materials=self.scene.materials_at(time_s) if self.scene.materials_at else self.scene.materials,
             others={offset: self._other(frame, offset) for offset in self.motion_offsets},
             render_origin=self._origins[frame],
         )

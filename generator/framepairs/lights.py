@@ -60,22 +60,22 @@ class LightSample:
 
 def lights_around(scene: SceneDescription, meshes: MeshLights, frame: FrameState) -> Lights:
     """The scene's lights at a frame, with positions relative to its render origin."""
-    count = len(scene.lights) + len(meshes.objects)
+    count = len(frame.lights) + len(meshes.objects)
     rows = np.zeros((max(count, 1), ROWS, 4), dtype=np.float32)
-    for row, light in zip(rows, scene.lights, strict=False):
+    for row, light in zip(rows, frame.lights, strict=False):
         row[0] = *light.radiance, KINDS.index(light.kind)
         row[1] = *(np.array(light.position) - frame.render_origin), light.cone[0]
         row[2] = *light.direction, light.cone[1] if light.kind == "spot" else -2
         row[3] = *light.half_u, _area(light)
         row[4, :3] = light.half_v
-    for row, index, faces in zip(rows[len(scene.lights) : count], meshes.objects, meshes.faces, strict=True):
+    for row, index, faces in zip(rows[len(frame.lights) : count], meshes.objects, meshes.faces, strict=True):
         row[0, 3], row[3, 3], row[4, 3] = KINDS.index("mesh"), index, faces
-    choice = _choice(scene, mesh_light_powers(meshes, frame.objects.world_from_object))
+    choice = _choice(scene, frame.lights, mesh_light_powers(meshes, frame.objects.world_from_object))
     return Lights(
         values=mi.Float(rows.ravel()),
         count=dr.opaque(mi.UInt32, count),
-        kinds=frozenset(light.kind for light in scene.lights) | ({"mesh"} if meshes.objects else set()),
-        first_mesh=dr.opaque(mi.UInt32, len(scene.lights)),
+        kinds=frozenset(light.kind for light in frame.lights) | ({"mesh"} if meshes.objects else set()),
+        first_mesh=dr.opaque(mi.UInt32, len(frame.lights)),
         choice=mi.Float(choice.astype(np.float32)),
         cumulative_choice=mi.Float(np.cumsum(choice).astype(np.float32)),
         meshes=meshes,
@@ -209,14 +209,12 @@ def _coordinates(place: mi.Vector3f, half_u: mi.Vector3f, half_v: mi.Vector3f) -
     return (pu * vv - pv * uv) * scale, (pv * uu - pu * uv) * scale
 
 
-def _choice(scene: SceneDescription, mesh_powers: NDArray[np.float64]) -> NDArray[np.float64]:
+def _choice(scene: SceneDescription, lights: tuple[Light, ...], mesh_powers: NDArray[np.float64]) -> NDArray[np.float64]:
     """By what each light gives at the distance of the scene's radius, a part equally; 0 for lights that are black."""
     low, high = scene_bounds(scene)
     radius2 = max(float(np.sum((high - low) ** 2)) / 4, 1e-12)
-    given = [float(np.dot(LUMINANCE_709, light.radiance)) * (_area(light) if light.has_extent else 1) for light in scene.lights]
-    given = [
-        value if light.kind == "directional" else value / radius2 for value, light in zip(given, scene.lights, strict=True)
-    ]
+    given = [float(np.dot(LUMINANCE_709, light.radiance)) * (_area(light) if light.has_extent else 1) for light in lights]
+    given = [value if light.kind == "directional" else value / radius2 for value, light in zip(given, lights, strict=True)]
     given += list(mesh_powers / np.pi / radius2)
     given += [np.pi * float(scene.environment.texels.mean()) if scene.environment is not None else 0.0]
     weights = np.maximum(np.array(given, dtype=float), 0)

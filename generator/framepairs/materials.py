@@ -1,6 +1,6 @@
 """Materials in one table: constants times textures, evaluated for any hit in one kernel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,18 +67,24 @@ def build_materials(
     slots = [[getattr(material, name) for name in SLOTS] for material in materials]
     indices, pairs = _pyramids(scene, materials, settings)
     return MaterialTable(
-        constants=mi.Float(np.array([_constants(material) for material in materials], dtype=np.float32).ravel()),
+        constants=_all_constants(materials),
         alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
         slots=mi.UInt32(np.array(indices, dtype=np.uint32)),
-        uv=mi.Float(np.array([[(s or Slot(texture=0)).uv for s in row] for row in slots], dtype=np.float32).ravel()),
+        uv=_all_uv(materials),
         textures=build_textures([texture for texture, _ in pairs], [role for _, role in pairs], settings.anisotropy),
         used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
         masks=any(material.alpha == "mask" for material in materials),
         blends=any(material.alpha == "blend" for material in materials),
-        moves_uv=any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
+        moves_uv=scene.materials_at is not None
+        or any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
         model=model,
         normal_variance=settings.normal_variance,
     )
+
+
+def with_values(table: MaterialTable, materials: tuple[Material, ...]) -> MaterialTable:
+    """The table with the constants and uv transforms of `materials`, which are otherwise those that it was built from."""
+    return replace(table, constants=_all_constants(materials), uv=_all_uv(materials))
 
 
 def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> mi.Float:
@@ -199,6 +205,15 @@ def _role(material: Material, slot: str, settings: TextureSettings) -> Role:
         return NORMAL
     masked = slot == "base_texture" and material.alpha == "mask" and settings.mask_coverage and material.opacity > 0
     return Role("mask", material.alpha_cutoff / material.opacity) if masked else COLOR
+
+
+def _all_constants(materials: tuple[Material, ...]) -> mi.Float:
+    return mi.Float(np.array([_constants(material) for material in materials], dtype=np.float32).ravel())
+
+
+def _all_uv(materials: tuple[Material, ...]) -> mi.Float:
+    slots = [[getattr(material, name) or Slot(texture=0) for name in SLOTS] for material in materials]
+    return mi.Float(np.array([[slot.uv for slot in row] for row in slots], dtype=np.float32).ravel())
 
 
 def _constants(material: Material) -> list[float]:

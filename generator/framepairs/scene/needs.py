@@ -39,6 +39,9 @@ def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample], plan
     }
     names = [channel.name for channel in channels_with(plan.motion_offsets)]
     always = {name: Need(channel=name, needed=True, why="every scene needs it") for name in names}
+    if scene.materials_at is not None:
+        changing = ("albedo", "specular", "roughness", "metallic", "emission")
+        found |= {name: Need(channel=name, needed=True, why="materials change") for name in changing}
     needs = {name: found.get(name, need) for name, need in always.items()}
     for name in map(motion_name, plan.motion_offsets):
         moving = needs["motion"].needed
