@@ -137,7 +137,9 @@ def _cut(values: NDArray[np.float32], share: float) -> float:
 
 def _unrounded(alpha: NDArray[np.float32], threshold: float) -> NDArray[np.float32]:
     """Alpha that rounding to half takes over the threshold in neither direction."""
-    passing = np.float16(min(max(threshold, -LARGEST_HALF), LARGEST_HALF))
+    if abs(threshold) >= LARGEST_HALF:
+        return alpha
+    passing = np.float16(threshold)
     if float(passing) < np.float32(threshold):
         passing = np.nextafter(passing, np.float16(np.inf))
     failing = np.nextafter(passing, np.float16(-np.inf))
