@@ -195,6 +195,18 @@ def test_validate_exits_1_and_names_the_file(corpus, tmp_path):
     assert "color/000001.exr" in done.stderr
 
 
+def test_warp_tells_what_agrees_and_draws_the_worst(two_quads_corpus, tmp_path):
+    done = framepairs("warp", two_quads_corpus, "--stream", "hr", "--out", tmp_path / "w", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["measure"]: row for row in json.loads(done.stdout)}
+    assert set(rows) == {"object_id", "position", "albedo", "normal"}
+    assert all(row["consistent"] > 0.99 for row in rows.values()) and rows["position"]["p99"] < 0.01
+    pictures = sorted(file.name for file in (tmp_path / "w").iterdir())
+    assert len(pictures) == 4 and all(Image.open(tmp_path / "w" / name).size == (96, 54) for name in pictures)
+    done = framepairs("warp", two_quads_corpus, "--stream", "lr_x9")
+    assert done.returncode == 2 and "lr_x9" in done.stderr
+
+
 def test_preview_and_upscale_write_what_they_say(corpus, tmp_path):
     done = framepairs("preview", corpus, "--out", tmp_path / "sheets")
     assert done.returncode == 0 and all(Path(line).is_file() for line in done.stdout.split())

@@ -223,6 +223,38 @@ def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) ->
 
 
 @app.command()
+def warp(
+    corpus: CorpusFolder,
+    stream: Annotated[list[str] | None, typer.Option(help="stream, repeatable; default: all")] = None,
+    out: Annotated[Path | None, typer.Option(help="write pictures of the worst frames there")] = None,
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Warp each frame's predecessor along motion: the worst frame's share of ids, positions, albedo and normals that agree."""
+    from .consistency import sequence_consistency, summarise_sequence
+    from .corpus import Corpus
+    from .preview import write_consistency
+
+    opened, rows = Corpus(corpus), []
+    with progress(quiet or json_) as bar:
+        task = bar.add_task("warping", total=sum(len(opened.streams(name)) for name in opened.sequences))
+        for sequence in opened.sequences:
+            for name in stream or opened.streams(sequence):
+                results = list(sequence_consistency(opened, sequence, name))
+                rows += [{"sequence": sequence, "stream": name, **row} for row in summarise_sequence(results)]
+                if out is not None:
+                    write_consistency(opened, sequence, name, results, out)
+                bar.advance(task)
+    if json_:
+        print(json.dumps(rows, indent=1))
+    elif not quiet:
+        for place in dict.fromkeys((row["sequence"], row["stream"]) for row in rows):
+            shown = [list(row.values())[2:] for row in rows if (row["sequence"], row["stream"]) == place]
+            shown = [[value if isinstance(value, (str, int)) else f"{value:.4g}" for value in row] for row in shown]
+            print_table(f"{' '.join(place)}: worst frames", list(rows[0])[2:], shown)
+
+
+@app.command()
 def upscale(
     corpus: CorpusFolder,
     method: Annotated[list[str] | None, typer.Option(help="nearest, bilinear, bicubic or accumulate, repeatable")] = None,

@@ -196,6 +196,17 @@ def sequence_consistency(corpus: Corpus, sequence: str, stream: str, band: int =
             yield FrameConsistency(frame=frame, measures={name: summarise_errors(name, e) for name, e in errors.items()})
 
 
+def summarise_sequence(results: list[FrameConsistency]) -> list[dict]:
+    """For each measure that judges a pixel of any frame: its worst frame's share and percentiles, as plain data."""
+    rows = []
+    for name in TOLERANCES:
+        for worst in worst_frames(results, name, 1):
+            measure = worst.measures[name]
+            shares = dict(zip((f"p{p}" for p in PERCENTILES), measure.percentiles, strict=True))
+            rows.append({"measure": name, "frame": worst.frame, "consistent": measure.consistent, **shares})
+    return rows
+
+
 def worst_frames(results: list[FrameConsistency], name: str, count: int = 3) -> list[FrameConsistency]:
     """Of those that judge `name`, the frames with the smallest share consistent; among equals the largest 99th percentile."""
     judged = [result for result in results if name in result.measures and result.measures[name].pixels]

@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from .consistency import TOLERANCES, FrameConsistency, consistency_picture, frame_errors, worst_frames
+from .conventions import frame_name
 from .corpus import Corpus
+from .manifest import make_folder
 from .metrics import to_display
 
 CELL, LABEL = 320, 16
@@ -99,6 +102,19 @@ def write_previews(corpus: Corpus, out: Path) -> list[Path]:
         for name, sheet in sheets.items():
             sheet.save(out / name)
             written.append(out / name)
+    return written
+
+
+def write_consistency(corpus: Corpus, sequence: str, stream: str, results: list[FrameConsistency], out: Path) -> list[Path]:
+    """For each measure, a picture of the worst frame: grey where it agrees, red where not, dark where it is not judged."""
+    make_folder(out)
+    written = []
+    for name in TOLERANCES:
+        for worst in worst_frames(results, name, 1):
+            errors = frame_errors(corpus, sequence, stream, worst.frame)
+            file = out / f"{sequence}_{stream}_{name}_{frame_name(worst.frame)}.png"
+            Image.fromarray(consistency_picture({name: errors[name]})).save(file)
+            written.append(file)
     return written
 
 
