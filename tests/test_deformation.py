@@ -182,3 +182,20 @@ def test_lights_and_materials_change_and_move_no_surface():
     alone = Stage(scene, path_of(*[np.eye(4)] * 2), display=DISPLAY, **keys).arrays(1, "lr_x1")
     assert all(np.array_equal(alone[name], second[name]) for name in alone)
     assert channel_needs(scene, stage.shoot.samples, stage.plan)["emission"].needed
+
+
+@pytest.mark.parametrize("mode", ["raster", "path"])
+def test_a_glow_that_begins_later_lights_others(mode):
+    lamp = Material(name="lamp", base_color=(0, 0, 0), specular=0.0)
+    scene = make_scene((quad(4, 4), GRAY, at(0, 0, -3)), (quad(0.5, 0.5), lamp, at(1.5, 0, -2.5)))
+    glowing = (scene.materials[0], replace(lamp, emission=(20.0, 20.0, 20.0)))
+    scene = replace(
+        scene, materials_at=lambda time: glowing if time >= 1 else scene.materials, animation_end_s=1.0
+    )
+    stage = Stage(
+        scene, path_of(*[np.eye(4)] * 2), display=(32, 18), mesh_lights=True, shading=mode, samples_per_pixel=16, max_depth=2
+    )
+    dark, lit = (stage.arrays(frame, "hr") for frame in (0, 1))
+    wall = dark["object_id"][..., 0] == 1
+    assert not dark["color"].any() and np.median(lit["color"][wall]) > 0.01
+    assert len(stage.engine.shading.mesh_lights.objects) == 1

@@ -219,13 +219,91 @@ def test_neutral_settings_are_not_named(tmp_path, kind, api):
     assert load(tmp_path, prim(kind, "l", metadata=api)).not_read == ()
 
 
-def test_lights_that_change_shine_as_they_begin_and_are_named(tmp_path):
-    brighter = "float inputs:intensity.timeSamples = { 0: 3, 10: 30 }"
-    places = "double3 xformOp:translate.timeSamples = { 0: (1, 0, 0), 10: (9, 0, 0) }"
-    order = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
-    scene = load(tmp_path, prim("DiskLight", "a", brighter), prim("Xform", "x", places, order, prim("DiskLight", "b")))
-    assert scene.lights[0].radiance == (3, 3, 3) and scene.lights[1].position == (1, 0, 0)
-    assert scene.not_read == tuple(f"motion of {path}: it shines as it begins" for path in ("/a", "/x/b"))
+RAMP = "float inputs:intensity.timeSamples = { 24: 3, 48: 9 }"  # 24 time codes per second are USD's default
+SLIDE = "double3 xformOp:translate.timeSamples = { 0: (1, 0, 0), 24: (9, 0, 0) }"
+TRANSLATED = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
+
+
+def test_an_intensity_ramp_is_followed_and_held_before_its_first_sample(tmp_path):
+    still = prim("DiskLight", "still", "float inputs:intensity = 2")
+    scene = load(tmp_path, still, prim("DiskLight", "ramp", RAMP, "float inputs:exposure.timeSamples = { 24: 0, 48: 1 }"))
+    assert [light.radiance[0] for light in scene.lights] == [2, 3] and scene.not_read == ()
+    assert [scene.lights_at(time_s)[1].radiance[0] for time_s in (0, 1, 2, 3)] == [3, 3, 18, 18]
+    assert scene.lights_at(1.5)[1].radiance[0] == pytest.approx(6 * math.sqrt(2), rel=4 * SINGLE)  # 6 x 2^0.5
+    assert scene.lights_at(2)[0] is scene.lights[0]
+
+
+def test_a_light_moves_with_the_prim_above_it(tmp_path):
+    scene = load(tmp_path, prim("Xform", "x", SLIDE, TRANSLATED, prim("DiskLight", "l")))
+    assert scene.lights[0].position == (1, 0, 0) and scene.not_read == ()
+    assert [scene.lights_at(time_s)[0].position for time_s in (0, 0.5, 1)] == [(1, 0, 0), (5, 0, 0), (9, 0, 0)]
+
+
+def test_a_sun_turns_with_its_own_transform(tmp_path):
+    turns = "double xformOp:rotateX.timeSamples = { 0: 0, 24: -90 }", 'uniform token[] xformOpOrder = ["xformOp:rotateX"]'
+    scene = load(tmp_path, prim("DistantLight", "sun", *turns))
+    np.testing.assert_allclose(scene.lights_at(0.5)[0].direction, (0, -math.sqrt(0.5), -math.sqrt(0.5)), atol=ROUNDING)
+
+
+def test_the_stage_says_how_many_time_codes_a_second_has(tmp_path):
+    scene = load(tmp_path, prim("DiskLight", "ramp", RAMP), header="timeCodesPerSecond = 12")
+    assert scene.lights_at(3)[0].radiance[0] == pytest.approx(6, rel=SINGLE)
+
+
+def test_extent_and_colour_of_a_light_change(tmp_path):
+    lines = "float inputs:width.timeSamples = { 0: 2, 24: 6 }", "bool inputs:normalize = 1"
+    tint = "color3f inputs:color.timeSamples = { 0: (1, 0, 0), 24: (0, 1, 0) }"
+    light = load(tmp_path, prim("RectLight", "panel", *lines, tint)).lights_at(0.5)[0]
+    np.testing.assert_allclose(light.half_u, (2, 0, 0), atol=ROUNDING)
+    np.testing.assert_allclose(light.radiance, (0.125, 0.125, 0), rtol=2 * SINGLE)  # half of each, over an area of 4 x 1
+
+
+def test_a_hidden_light_is_dark(tmp_path):
+    hidden = 'token visibility.timeSamples = { 0: "invisible", 24: "inherited", 48: "invisible" }'
+    scene = load(tmp_path, prim("Xform", "x", hidden, prim("SphereLight", "l", "float inputs:intensity = 2")))
+    assert scene.lights[0].radiance == (0, 0, 0) and scene.not_read == ()
+    assert [scene.lights_at(time_s)[0].radiance[0] for time_s in (0, 0.9, 1, 1.9, 2)] == [0, 0, 2, 2, 0]
+
+
+def test_a_light_that_is_another_kind_at_times_is_dark_then_and_named(tmp_path):
+    scene = load(tmp_path, prim("SphereLight", "l", "bool treatAsPoint.timeSamples = { 0: 0, 24: 1 }"))
+    assert [light.kind for light in (*scene.lights, *scene.lights_at(1))] == ["sphere", "sphere"]
+    assert scene.lights[0].radiance == (1, 1, 1) and scene.lights_at(1)[0].radiance == (0, 0, 0)
+    assert scene.not_read == ("kind of /l, a point at times: it is dark then",)
+
+
+def test_a_light_that_grows_from_nothing_is_there_and_dark(tmp_path):
+    scene = load(tmp_path, prim("DiskLight", "l", "float inputs:radius.timeSamples = { 0: 0, 24: 2 }"))
+    assert scene.lights[0].radiance == (0, 0, 0) and scene.lights_at(1)[0].radiance == (1, 1, 1)
+
+
+def test_a_light_that_stops_being_finite_is_named(tmp_path):
+    file = usd(tmp_path, prim("DiskLight", "l", "float inputs:intensity.timeSamples = { 0: 1, 24: nan }"))
+    with pytest.raises(InputError, match=f"^{file}, /l: light with a number that is not finite"):
+        load_scene(file)
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "metadata", "says"),
+    [
+        ("DomeLight", RAMP, "", "motion of /l: it shines as it begins"),
+        ("DomeLight", SLIDE + "\n" + TRANSLATED, "", "motion of /l: it shines as it begins"),
+        ("DistantLight", "float inputs:angle.timeSamples = { 0: 0.5, 9: 2, 24: 3 }", "",
+         "angle of distant light /l, 2 degrees: its shadows are hard"),
+        ("DomeLight", 'token visibility.timeSamples = { 0: "invisible", 9: "inherited" }', "",
+         "changing visibility of light /l: it shines all the time"),
+        ("DiskLight", "float inputs:diffuse.timeSamples = { 0: 1, 9: 0 }", "",
+         "animation of inputs:diffuse of /l: it stays as it begins"),
+        ("SphereLight", "bool treatAsPoint = 1\nfloat inputs:shaping:cone:angle.timeSamples = { 0: 40, 9: 80 }", SHAPED,
+         "animation of inputs:shaping:cone:angle of /l: it stays as it begins"),
+    ],
+)  # fmt: skip
+def test_what_of_a_light_does_not_change_is_named(tmp_path, kind, line, metadata, says):
+    assert load(tmp_path, prim(kind, "l", line, metadata=metadata)).not_read == (says,)
+
+
+def test_lights_that_stay_have_no_function_of_time(tmp_path):
+    assert load(tmp_path, SUN, prim("DomeLight", "sky", RAMP)).lights_at is None
 
 
 def test_the_light_of_a_mesh_is_named(tmp_path):

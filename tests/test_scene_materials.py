@@ -299,7 +299,7 @@ FADES = "opacityMode transparent: highlights fade with opacity, too"
         (("float inputs:opacity = 0.5", 'token inputs:opacityMode = "presence"'), ()),
         (("float inputs:opacity = 0.5", "float inputs:opacityThreshold = 0.25"), ()),
         (('token inputs:opacityMode = "presence"',), ()),
-        (("float inputs:roughness.timeSamples = { 0: 0.25, 9: 1 }",), ("animation of roughness: it stays as it begins",)),
+        (("float inputs:clearcoat.timeSamples = { 0: 0, 9: 1 }",), ("animation of clearcoat: it stays as it begins",)),
         (("color3f inputs:diffuseColor.connect = </M/R.outputs:rgb>",), ("diffuseColor through UsdPrimvarReader_float2",)),
     ],
 )
@@ -307,15 +307,81 @@ def test_what_a_material_does_not_do_is_named_where_it_acts(tmp_path, lines, say
     image(tmp_path / "t.png")
     _, material = read(tmp_path, *lines, nodes=[sampler("T"), READER])
     assert material.not_read == says
-    assert material.roughness == (0.25 if "roughness.time" in lines[0] else 0.5)
+    assert material.roughness == 0.5
 
 
-def test_inputs_that_a_material_animates_are_read_as_they_begin_and_named(tmp_path):
+def test_inputs_that_a_material_animates_are_followed(tmp_path):
     file = surface(tmp_path, "float inputs:roughness.connect = </M.inputs:rough>")
-    keyed = "float inputs:rough.timeSamples = { 0: 0.25, 9: 1 }\ntoken outputs:surface.connect"
+    keyed = "float inputs:rough.timeSamples = { 0: 0.25, 24: 1 }\ntoken outputs:surface.connect"
     file.write_text(file.read_text().replace("token outputs:surface.connect", keyed, 1))
-    material = load_scene(file).materials[0]
-    assert (material.roughness, material.not_read) == (0.25, ("animation of roughness: it stays as it begins",))
+    scene = load_scene(file)
+    assert (scene.materials[0].roughness, scene.materials[0].not_read) == (0.25, ())
+    assert [scene.materials_at(time_s)[0].roughness for time_s in (0, 0.5, 1, 2)] == [0.25, 0.625, 1, 1]
+
+
+def test_an_emission_ramp_is_held_before_its_first_sample(tmp_path):
+    ramp = "color3f inputs:emissiveColor.timeSamples = { 24: (0, 0, 0), 48: (4, 2, 8) }"
+    scene, material = read(tmp_path, ramp)
+    assert (material.emission, material.not_read) == ((0, 0, 0), ())
+    found = [scene.materials_at(time_s)[0].emission for time_s in (0, 1, 1.5, 2)]
+    assert found == [(0, 0, 0), (0, 0, 0), (2, 1, 4), (4, 2, 8)]
+
+
+def test_constants_change(tmp_path):
+    keys = ("color3f", "diffuseColor", "(0, 0.5, 1)", "(1, 0.5, 0)"), ("float", "metallic", 0, 1), ("float", "ior", 1, 1.5)
+    scene, _ = read(tmp_path, *(f"{kind} inputs:{key}.timeSamples = {{ 0: {a}, 24: {b} }}" for kind, key, a, b in keys))
+    half, end = (scene.materials_at(time_s)[0] for time_s in (0.5, 1))
+    assert (half.base_color, half.metallic, end.base_color) == ((0.5, 0.5, 0.5), 0.5, (1, 0.5, 0))
+    # F0 = ((1.25 - 1) / (1.25 + 1))^2 = 1 / 81, and 0.04 at the end
+    assert (half.specular, end.specular) == (pytest.approx(1 / 81 / 0.08), 0.5)
+
+
+def test_a_material_that_fades_blends_from_the_beginning(tmp_path):
+    scene, material = read(tmp_path, "float inputs:opacity.timeSamples = { 0: 1, 24: 0 }")
+    faded = scene.materials_at(0.75)[0]
+    assert (material.alpha, material.opacity, faded.alpha, faded.opacity) == ("blend", 1, "blend", 0.25)
+
+
+def test_a_cutoff_changes_and_may_be_0_at_times(tmp_path):
+    scene, material = read(tmp_path, "float inputs:opacity = 0.5", "float inputs:opacityThreshold.timeSamples = {0: 0, 24: 1}")
+    assert (material.alpha, material.alpha_cutoff, scene.materials_at(0.25)[0].alpha_cutoff) == ("mask", 0, 0.25)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_texture_scrolls(tmp_path, alone):
+    image(tmp_path / "t.png", channels=4)
+    scroll = turn("X", "R").replace("translation = (0, 0)", "translation.timeSamples = { 0: (0, 0), 24: (1, 2) }")
+    node = sampler("T", "float2 inputs:st.connect = </M/X.outputs:result>")
+    more = () if alone else ("float inputs:opacity.connect = </M/T.outputs:a>", "float inputs:opacityThreshold = 0.5")
+    color = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>"
+    scene, material = read(tmp_path, color, *more, nodes=[node, READER, scroll])
+    slots = [scene.materials_at(time_s)[0].base_texture for time_s in (0, 0.25, 1)]
+    assert [slot.uv for slot in slots] == [((1, 0, x), (0, 1, 2 * x)) for x in (0, 0.25, 1)]
+    assert {slot.texture for slot in slots} == {material.base_texture.texture} and material.not_read == ()
+    assert len(scene.textures) == 1
+
+
+def test_textures_whose_settings_change_are_named(tmp_path):
+    image(tmp_path / "t.png")
+    keyed = (
+        "asset inputs:file.timeSamples = { 0: @t.png@, 9: @u.png@ }",
+        "float4 inputs:scale.timeSamples = { 0: (1, 1, 1, 1), 9: (0, 0, 0, 1) }",
+    )
+    scene, material = read(
+        tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[shader("T", "UsdUVTexture", *keyed)]
+    )
+    said = (f"animation of {name} of the texture of diffuseColor: it stays as it begins" for name in ("file", "scale"))
+    assert set(material.not_read) == set(said) and scene.materials_at is None
+
+
+def test_materials_that_stay_are_not_read_again(tmp_path):
+    assert read(tmp_path)[0].materials_at is None
+
+
+def test_an_ior_below_0_is_named_at_its_time(tmp_path):
+    scene, _ = read(tmp_path, "float inputs:ior.timeSamples = { 0: 1.5, 24: -1 }")
+    with pytest.raises(InputError, match=f"^{tmp_path / 'scene.usda'}, /M: index of refraction -1"):
+        scene.materials_at(1)
 
 
 def test_a_second_set_of_uv_and_a_second_transform_are_named(tmp_path):

@@ -14,6 +14,7 @@ from .scene.images import linear_texels
 from .tracing import Hit, triangle_of
 
 NOT_A_LIGHT = 0xFFFFFFFF
+LOOKS = 33  # times at which changing emission is looked at: what never shines at one of them is no light
 MEAN_TEXELS = 64  # per axis of an emission texture, of which the mean is taken
 
 
@@ -39,10 +40,11 @@ class MeshLights:
 
 def build_mesh_lights(scene: SceneDescription, wanted: bool) -> MeshLights:
     """All emissive objects whose triangles have an area, or none."""
+    materials = _at_their_brightest(scene)
     emissive = [
         index
         for index, item in enumerate(scene.objects)
-        if wanted and scene.materials and any(scene.materials[item.material].emission) and len(scene.meshes[item.mesh].faces)
+        if wanted and materials and any(materials[item.material].emission) and len(scene.meshes[item.mesh].faces)
     ]
     vectors = {mesh: _area_vectors(scene, mesh) for mesh in {scene.objects[index].mesh for index in emissive}}
     chosen = [index for index in emissive if vectors[scene.objects[index].mesh].any()]
@@ -57,7 +59,7 @@ def build_mesh_lights(scene: SceneDescription, wanted: bool) -> MeshLights:
         first[index], rank[index], place = place, number, place + len(area)
     return MeshLights(
         objects=tuple(chosen),
-        luminances=np.array([_mean_luminance(scene, scene.materials[scene.objects[index].material]) for index in chosen]),
+        luminances=np.array([_mean_luminance(scene, materials[scene.objects[index].material]) for index in chosen]),
         moments=moments,
         faces=tuple(len(part) for part in probabilities),
         probability=_floats(probabilities),
@@ -155,6 +157,15 @@ def _area_vectors(scene: SceneDescription, mesh: int) -> NDArray[np.float64]:
     """[faces, 3] normals as long as the faces' areas."""
     corners = scene.meshes[mesh].positions[scene.meshes[mesh].faces].astype(float)
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+
+
+def _at_their_brightest(scene: SceneDescription) -> tuple[Material, ...]:
+    """The materials, those that change with the brightest emission of the times that are looked at."""
+    if scene.materials_at is None:
+        return scene.materials
+    times = np.linspace(0, scene.animation_end_s, LOOKS)
+    moments = zip(*(scene.materials_at(float(time)) for time in times), strict=True)
+    return tuple(max(moment, key=lambda material: sum(material.emission)) for moment in moments)
 
 
 def _mean_luminance(scene: SceneDescription, material: Material) -> float:

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +14,10 @@ from pxr import Tf, Usd, UsdGeom, UsdLux, UsdSkel
 from ..errors import InputError
 from .description import Deformed, Environment, Light, Mesh, SceneDescription, SceneObject
 from .usd_deform import Deformation, deformed_vertices, find_skins, object_matrix, pose, read_deformation
-from .usd_lights import read_light
+from .usd_lights import ChangingLight, read_light
 from .usd_materials import MaterialReader
 from .usd_meshes import MeshPart, VertexSource, mesh_parts, moving_mesh, still_mesh, with_vertices
-from .usd_placement import (
-    Placement,
-    PrototypePart,
-    Visibility,
-    is_animated,
-    place,
-    place_instances,
-    read_instances,
-    read_visibility,
-)
+from .usd_placement import Placement, PrototypePart, Visibility, place, place_instances, read_instances, read_visibility
 
 SHOWN = Usd.TraverseInstanceProxies()
 ALSO_ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
@@ -52,6 +44,7 @@ class Reading:
     skins: dict = field(default_factory=dict)
     skin_cache: UsdSkel.Cache = field(default_factory=UsdSkel.Cache)
     lights: list[Light] = field(default_factory=list)
+    changing_lights: dict[int, ChangingLight] = field(default_factory=dict)
     environments: list[Environment] = field(default_factory=list)
     not_read: list[str] = field(default_factory=list)
 
@@ -81,16 +74,15 @@ def _naming(file: Path) -> Iterator[None]:
 
 
 def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
-    rate = stage.GetTimeCodesPerSecond()
     reading = Reading()
-    to_world = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    of_time = partial(_of_time, stage, file)
     for prim, visibility in _drawn_prims(stage.GetPseudoRoot(), None, SHOWN, reading):
         if prim.IsA(UsdGeom.Mesh):
             _read_mesh(prim, visibility, reading)
         elif prim.IsA(UsdGeom.PointInstancer):
             _read_instancer(UsdGeom.PointInstancer(prim), visibility, reading)
         elif prim.HasAPI(UsdLux.LightAPI):
-            _read_light(prim, visibility, to_world, reading)
+            _read_light(prim, visibility, reading)
     not_read = [*reading.not_read, *(f"dome light {item.name}: only one is drawn" for item in reading.environments[1:])]
     # a layer inside a .usdz is called package.usdz[layer.usda]: the package itself is among the files already
     layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath and "[" not in layer.realPath]
@@ -106,10 +98,12 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
         environment=reading.environments[0] if reading.environments else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
         metres_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
-        world_from_object=_world_from_object(stage, reading.placements, rate, file),
-        deformed=_deformed(stage, reading.moving, rate, file) if reading.moving else None,
-        visible=_visible(stage, reading.placements, rate),
-        animation_end_s=stage.GetEndTimeCode() / rate if stage.HasAuthoredTimeCodeRange() else 0.0,
+        world_from_object=of_time(_world_from_object(reading.placements)),
+        deformed=of_time(partial(_deformed, reading.moving)) if reading.moving else None,
+        visible=of_time(partial(_visible, reading.placements)) if any(p.visible for p in reading.placements) else None,
+        lights_at=of_time(partial(_lights_at, reading)) if reading.changing_lights else None,
+        materials_at=of_time(reading.reader.materials_at) if reading.reader.changing else None,
+        animation_end_s=stage.GetEndTimeCode() / stage.GetTimeCodesPerSecond() if stage.HasAuthoredTimeCodeRange() else 0.0,
         not_read=tuple(not_read),
     )
 
@@ -134,11 +128,12 @@ def _drawn_prims(root: Usd.Prim, top: Usd.Prim | None, predicate, reading: Readi
             yield prim, visibility
 
 
-def _read_light(prim: Usd.Prim, visibility: Visibility, to_world: UsdGeom.XformCache, reading: Reading) -> None:
-    if visibility.changing:
-        reading.not_read.append(f"changing visibility of light {prim.GetPath()}: it shines all the time")
-    matrix = np.array(to_world.GetLocalToWorldTransform(prim)).T
-    item = read_light(prim, matrix, is_animated(prim), reading.not_read, reading.reader.files)
+def _read_light(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
+    visible = visibility.at if visibility.changing else None
+    item = read_light(prim, _moving_attributes(prim), visible, reading.not_read, reading.reader.files)
+    if isinstance(item, ChangingLight):
+        reading.changing_lights[len(reading.lights)] = item
+        item = item.at(UsdGeom.XformCache(Usd.TimeCode.EarliestTime()))
     if isinstance(item, Light):
         reading.lights.append(item)
     elif isinstance(item, Environment):
@@ -196,9 +191,7 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
     reading.placements.append(placement)
 
 
-def _mesh_and_parts(
-    prim: Usd.Prim, top: Usd.Prim | None, reading: Reading
-) -> tuple[Deformation | None, list[MeshPart]]:
+def _mesh_and_parts(prim: Usd.Prim, top: Usd.Prim | None, reading: Reading) -> tuple[Deformation | None, list[MeshPart]]:
     usd_mesh = UsdGeom.Mesh(prim)
     if prim.HasAPI(UsdLux.LightAPI):
         reading.not_read.append(f"light of mesh {prim.GetPath()}: it is drawn without shining")
@@ -240,37 +233,39 @@ def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: i
         reading.moving.append(Moving(deformation, tuple(sources)))
 
 
-def _world_from_object(
-    stage: Usd.Stage, placements: list[Placement], rate: float, file: Path
-) -> Callable[[float], NDArray[np.float64]]:
+def _of_time(stage: Usd.Stage, file: Path, function: Callable[[Usd.TimeCode], Any]) -> Callable[[float], Any]:
+    """`function` of a time code as one of the time in seconds, whose InputErrors name the file."""
+    rate = stage.GetTimeCodesPerSecond()
+
+    def of_time(time_s: float):
+        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
+        with _naming(file):
+            return function(Usd.TimeCode(time_s * rate))
+
+    return of_time
+
+
+def _world_from_object(placements: list[Placement]) -> Callable[[Usd.TimeCode], NDArray[np.float64]]:
     start = UsdGeom.XformCache(Usd.TimeCode(0))
     begin = np.concatenate([np.zeros((0, 4, 4)), *(item.matrices(start) for item in placements)])
     moving = [(row, item) for row, item in _rows(placements) if item.moves]
 
-    def world_from_object(time_s: float) -> NDArray[np.float64]:
-        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
-        cache = UsdGeom.XformCache(Usd.TimeCode(time_s * rate))
+    def world_from_object(code: Usd.TimeCode) -> NDArray[np.float64]:
+        cache = UsdGeom.XformCache(code)
         matrices = begin.copy()
-        with _naming(file):
-            for row, item in moving:
-                matrices[row : row + item.count] = item.matrices(cache)
+        for row, item in moving:
+            matrices[row : row + item.count] = item.matrices(cache)
         return matrices
 
     return world_from_object
 
 
-def _visible(stage: Usd.Stage, placements: list[Placement], rate: float) -> Callable[[float], NDArray[np.bool_]] | None:
-    changing = [(row, item) for row, item in _rows(placements) if item.visible is not None]
-    count = sum(item.count for item in placements)
-
-    def visible(time_s: float) -> NDArray[np.bool_]:
-        assert stage
-        shown = np.ones(count, dtype=bool)
-        for row, item in changing:
-            shown[row : row + item.count] = item.visible(Usd.TimeCode(time_s * rate))
-        return shown
-
-    return visible if changing else None
+def _visible(placements: list[Placement], code: Usd.TimeCode) -> NDArray[np.bool_]:
+    shown = np.ones(sum(item.count for item in placements), dtype=bool)
+    for row, item in _rows(placements):
+        if item.visible is not None:
+            shown[row : row + item.count] = item.visible(code)
+    return shown
 
 
 def _rows(placements: list[Placement]) -> Iterator[tuple[int, Placement]]:
@@ -280,17 +275,23 @@ def _rows(placements: list[Placement]) -> Iterator[tuple[int, Placement]]:
         row += item.count
 
 
-def _deformed(stage: Usd.Stage, moving: list[Moving], rate: float, file: Path) -> Callable[[float], dict[int, Deformed]]:
-    def deformed(time_s: float) -> dict[int, Deformed]:
-        assert stage
-        code = Usd.TimeCode(time_s * rate)
-        out: dict[int, Deformed] = {}
-        with _naming(file):
-            for item in moving:
-                now = pose(item.deformation, code)
-                for source, indices in item.parts:
-                    vertices = deformed_vertices(item.deformation, now, source, code)
-                    out |= dict.fromkeys(indices, vertices)
-        return out
+def _deformed(moving: list[Moving], code: Usd.TimeCode) -> dict[int, Deformed]:
+    out: dict[int, Deformed] = {}
+    for item in moving:
+        now = pose(item.deformation, code)
+        for source, indices in item.parts:
+            out |= dict.fromkeys(indices, deformed_vertices(item.deformation, now, source, code))
+    return out
 
-    return deformed
+
+def _lights_at(reading: Reading, code: Usd.TimeCode) -> tuple[Light, ...]:
+    cache = UsdGeom.XformCache(code)
+    changed = {index: item.at(cache) for index, item in reading.changing_lights.items()}
+    return tuple(changed.get(index, item) for index, item in enumerate(reading.lights))
+
+
+def _moving_attributes(prim: Usd.Prim) -> list[Usd.Attribute]:
+    """The attributes that animate the transform of a prim."""
+    above = [prim.GetStage().GetPrimAtPath(path) for path in prim.GetPath().GetAncestorsRange()]
+    frames = [UsdGeom.Xformable(item) for item in above if item.IsA(UsdGeom.Xformable)]
+    return [item.GetAttr() for frame in frames for item in frame.GetOrderedXformOps() if item.MightBeTimeVarying()]
