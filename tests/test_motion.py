@@ -267,3 +267,32 @@ def test_balls_that_turn_grow_shear_and_pass_each_other():
             assert np.abs(arrays["motion"] - expected)[hit].max() < 4 * MOTION_ERROR
         hidden = (arrays["visibility"][..., 0] & 4) == 0
         assert hidden.any() and np.array_equal(arrays["dual_motion"][~hidden], arrays["motion"][~hidden])
+
+
+def test_an_object_that_jumps_across_the_screen():
+    places = [at(-200, 0, -3), at(0, 0, -3), at(300, 5, -3)]
+    stage = Stage(
+        make_scene((quad(60, 60), GRAY, at(0, 0, -10)), (quad(2, 2), GRAY, lambda t: places[round(t)])),
+        path_of(*[np.eye(4)] * 3), display=DISPLAY,
+    )  # fmt: skip
+    came, left = (stage.arrays(frame, "hr") for frame in (1, 2))
+    hit = came["object_id"][..., 0] == 2
+    _, tan_x, _ = camera_basis(stage, 1)
+    assert np.allclose(came["motion"][hit], [-200 / (2 * 3 * tan_x) * DISPLAY[0], 0], rtol=1e-5, atol=1e-3)
+    assert not (came["visibility"][hit] & 1).any() and hit.sum() > 1000
+    uncovered = (left["visibility"][..., 0] & 4) == 0
+    assert uncovered.sum() == hit.sum() and not left["motion"].any()
+    # what it hid comes out with its motion: the wall stands still, the card went 300 to the right
+    away = np.array([300 / (2 * 3 * tan_x) * DISPLAY[0], 5 / (2 * 3 * tan_x) * DISPLAY[0]])
+    dual = left["dual_motion"][uncovered]
+    assert np.isfinite(dual).all() and np.allclose(dual, away * [-1, 1], rtol=1e-4, atol=1e-2)
+
+
+def test_a_surface_that_crosses_the_near_plane_stays_finite():
+    floor = at(0, -0.02, 0) @ tilted(-np.pi / 2)
+    stage = Stage(make_scene((quad(50, 50), GRAY, floor)), path_of(at(0, 0, 0.3), np.eye(4), near=0.05), display=DISPLAY)
+    arrays = stage.arrays(1, "hr")
+    assert (arrays["object_id"] == 1).any() and all(
+        np.isfinite(array).all() for name, array in arrays.items() if name != "depth"
+    )
+    assert arrays["depth"].min() >= 0.05 * (1 - 2.0**-20)
