@@ -10,10 +10,10 @@ from .backend import dr, mi
 from .brdf import evaluate, sample_specular, specular_density
 from .gbuffer import GBuffer, first_solid
 from .geometry import Pose
-from .lights import Lights, light_along, mesh_behind, sample_light
+from .lights import SHORT_OF_LIGHT, Lights, light_along, mesh_behind, sample_light
 from .materials import is_blended
 from .mesh_lights import emission_at, mesh_light_density
-from .shading import Shading, is_shadowed, lifted_from
+from .shading import Shading, is_above, is_shadowed, lifted_from
 
 
 @dr.syntax
@@ -43,8 +43,8 @@ def _from_point(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, p
         weight *= dr.select(rivals, light.density / dr.maximum(light.density + lobe, 1e-30), 1)
     value = _reflected(shading, sample, light.towards) * light.radiance * weight
     ray = lifted_from(sample, light.towards)
-    ray.maxt = light.distance * (1 - 1e-3)
-    lit = valid & (light.density > 0) & _is_above(sample, light.towards)
+    ray.maxt = light.distance * SHORT_OF_LIGHT
+    lit = valid & (light.density > 0) & is_above(sample, light.towards)
     return dr.select(lit & ~is_shadowed(shading, pose, ray, lit), value, 0)
 
 
@@ -62,7 +62,7 @@ def _from_lobe(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, pl
     model, roughness = shading.brdf.model, sample.surface.roughness
     towards = sample_specular(model, roughness, sample.normal, sample.view, place)
     lobe = specular_density(model, roughness, sample.normal, sample.view, towards)
-    active = sample.hit.valid & (lobe > 0) & _is_above(sample, towards)
+    active = sample.hit.valid & (lobe > 0) & is_above(sample, towards)
     ray = lifted_from(sample, towards)
     hit, distance = first_solid(shading.geometry, shading.materials, pose, ray, None, active, start=mi.Float(0))
     total = mi.Color3f(0)
@@ -92,6 +92,3 @@ def _reflected(shading: Shading, sample: GBuffer, towards: mi.Vector3f) -> mi.Co
         towards,
     )
 
-
-def _is_above(sample: GBuffer, towards: mi.Vector3f) -> mi.Bool:
-    return (dr.dot(sample.geometric, towards) > 0) & (dr.dot(sample.normal, towards) > 0)

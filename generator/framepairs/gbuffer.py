@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from .backend import dr, mi
 from .brdf import Brdf, f0_of, look_up, pre_integrated
 from .geometry import Geometry, Pose
-from .materials import Footprint, MaterialTable, Surface, is_blended, is_opaque, opacity_of, surface_of
+from .materials import Footprint, MaterialTable, Surface, finest_footprint, is_blended, is_opaque, opacity_of, surface_of
 from .projection import View, direction, origin, project
 from .tracing import Hit, Triangle, trace, triangle_of
 
@@ -82,9 +82,9 @@ def describe_hit(
     view: View,
     ray: mi.Ray3f,
     hit: Hit,
-    pixel: Pixel,
+    pixel: Pixel | None,
 ) -> GBuffer:
-    """Interpolate and look up everything at a hit."""
+    """Interpolate and look up everything at a hit, with the pixel's footprint or (None) at the finest texels."""
     valid = hit.valid
     triangle = triangle_of(geometry.tables, pose, hit)
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, valid)
@@ -154,8 +154,13 @@ def first_solid(
     return Hit(valid, item, face, uv), dr.select(valid, passed, dr.inf)
 
 
-def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel) -> Footprint:
-    """uv and its change per pixel: the neighbouring pixels' rays meet the triangle's plane, in barycentric coordinates."""
+def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel | None) -> Footprint:
+    """uv and its change per pixel: the neighbouring pixels' rays meet the triangle's plane, in barycentric coordinates.
+
+    None has no extent and reads the finest texels.
+    """
+    if pixel is None:
+        return finest_footprint(triangle.uv)
     normal = dr.cross(triangle.edge1, triangle.edge2)
     squared = dr.squared_norm(normal)
     scale = dr.select(squared > 0, 1 / squared, 0)
@@ -178,11 +183,7 @@ def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel) -> Footprint:
 def _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too) -> mi.Bool:
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
     triangle = triangle_of(geometry.tables, pose, hit)
-    if pixel is None:
-        footprint = Footprint(triangle.uv, mi.Vector2f(0), mi.Vector2f(0), mi.Float(0))
-    else:
-        footprint = footprint_of(triangle, ray, pixel)
-    clear = opacity_of(materials, material, footprint, hit.valid) <= 0
+    clear = opacity_of(materials, material, footprint_of(triangle, ray, pixel), hit.valid) <= 0
     return clear if blended_too else clear | is_blended(materials, material, hit.valid)
 
 

@@ -15,11 +15,12 @@ from .frame import FrameState
 from .geometry import Geometry, Pose
 from .materials import MaterialTable
 from .mesh_lights import MeshLights, first_above, mesh_light_powers, sample_mesh_light
-from .scene.description import Light, SceneDescription, scene_bounds
+from .scene.description import Light, SceneDescription
 
 KINDS = ("directional", "point", "spot", "rectangle", "disk", "sphere", "mesh")
 ROWS = 5  # of four floats per light
-LEVEL = 1 + 1e-3  # a light that lies on a surface is met before it: shadow rays end as far before their light
+SHORT_OF_LIGHT = 1 - 1e-3  # the share of the way to a light on which shadow rays look
+LEVEL = 1 + 1e-3  # a light that lies on a surface is met before it, as far as shadow rays end before their light
 FAR = 1e30  # distance of directional lights
 EQUAL_SHARE = 0.1  # of the choice between lights: what is bright in general may be far from the point at hand
 
@@ -211,12 +212,11 @@ def _coordinates(place: mi.Vector3f, half_u: mi.Vector3f, half_v: mi.Vector3f) -
 
 def _choice(scene: SceneDescription, lights: tuple[Light, ...], mesh_powers: NDArray[np.float64]) -> NDArray[np.float64]:
     """By what each light gives at the distance of the scene's radius, a part equally; 0 for lights that are black."""
-    low, high = scene_bounds(scene)
-    radius2 = max(float(np.sum((high - low) ** 2)) / 4, 1e-12)
+    radius2 = max(scene.squared_diagonal / 4, 1e-12)
     given = [float(np.dot(LUMINANCE_709, light.radiance)) * (_area(light) if light.has_extent else 1) for light in lights]
     given = [value if light.kind == "directional" else value / radius2 for value, light in zip(given, lights, strict=True)]
     given += list(mesh_powers / np.pi / radius2)
-    given += [np.pi * float(scene.environment.texels.mean()) if scene.environment is not None else 0.0]
+    given += [np.pi * scene.environment.mean if scene.environment is not None else 0.0]
     weights = np.maximum(np.array(given, dtype=float), 0)
     if not weights.any():
         return np.eye(1, len(weights), len(weights) - 1)[0]

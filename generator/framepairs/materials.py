@@ -46,6 +46,11 @@ class Footprint:
     bias: mi.Float
 
 
+def finest_footprint(uv: mi.Point2f) -> Footprint:
+    """One without extent, which reads the finest texels."""
+    return Footprint(uv, mi.Vector2f(0), mi.Vector2f(0), mi.Float(0))
+
+
 @dataclass(frozen=True)
 class Surface:
     """A material at a point: base_color, specular, roughness, metallic, emission, and the tangent-space normal."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .backend import dr, mi
 from .colour import LUMINANCE_709
 from .geometry import Geometry, Pose
-from .materials import Footprint, MaterialTable, opacity_of, surface_of
+from .materials import MaterialTable, finest_footprint, opacity_of, surface_of
 from .scene.description import Material, SceneDescription
 from .scene.images import linear_texels
 from .tracing import Hit, triangle_of
@@ -136,7 +136,7 @@ def emission_at(geometry: Geometry, materials: MaterialTable, pose: Pose, hit: H
     """Radiance [3] that an object emits at a hit, at the finest texture level, thinned by its opacity."""
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
     uv = triangle_of(geometry.tables, pose, hit).uv
-    footprint = Footprint(uv, mi.Vector2f(0), mi.Vector2f(0), mi.Float(0))
+    footprint = finest_footprint(uv)
     surface = surface_of(materials, material, footprint, hit.valid)
     opacity = mi.Float(1)
     if materials.masks or materials.blends:

@@ -12,10 +12,10 @@ from .conventions import BrdfModel
 from .environment import sample_sky, sky_along
 from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, first_solid, footprint_of
 from .geometry import Pose
-from .lights import FAR, Lights, choose_light, light_along, sample_light
+from .lights import FAR, SHORT_OF_LIGHT, Lights, choose_light, light_along, sample_light
 from .materials import is_blended, opacity_of
 from .mesh_lights import mesh_light_density
-from .shading import Shading, is_shadowed, lifted
+from .shading import Shading, is_above, is_shadowed, lifted
 from .tracing import Hit, triangle_of
 
 
@@ -73,10 +73,6 @@ def density_at(model: BrdfModel, point: Point, towards: mi.Vector3f) -> mi.Float
     )
 
 
-def is_above(point: Point, towards: mi.Vector3f) -> mi.Bool:
-    return (dr.dot(point.geometric, towards) > 0) & (dr.dot(point.normal, towards) > 0)
-
-
 @dr.syntax
 def from_lights(world: World, point: Point, rng: mi.PCG32, active: mi.Bool) -> mi.Color3f:
     """Radiance [3] reflected from one drawn light, or from the sky."""
@@ -100,7 +96,7 @@ def from_lights(world: World, point: Point, rng: mi.PCG32, active: mi.Bool) -> m
     model = shading.brdf.model
     rival = dr.select(extent, density_at(model, point, towards), 0)
     ray = lifted(point.position, point.geometric, towards, point.distance)
-    ray.maxt = distance * (1 - 1e-3)
+    ray.maxt = distance * SHORT_OF_LIGHT
     value = evaluate_at(model, point, towards) * radiance / dr.maximum(chance + rival, 1e-30)
     return dr.select(lit, value * _passes(world, ray, rng, lit), 0)
 
@@ -159,7 +155,7 @@ def next_surface(
             here = Hit(valid, item, face, uv)
             material = dr.gather(mi.UInt32, geometry.tables.material, item, valid)
             triangle = triangle_of(geometry.tables, pose, here)
-            footprint = footprint_of(triangle, ray, finest_pixel() if pixel is None else pixel)
+            footprint = footprint_of(triangle, ray, pixel)
             opacity = opacity_of(materials, material, footprint, valid)
             going &= is_blended(materials, material, valid) & (rng.next_float32() >= opacity)
             behind = dr.maximum(reached * (1 + SKIP), reached + least)
@@ -170,7 +166,3 @@ def next_surface(
         hit, distance = Hit(valid, item, face, uv), reached
     return hit, distance
 
-
-def finest_pixel() -> Pixel:
-    """A footprint without extent."""
-    return Pixel(*(mi.Vector3f(0) for _ in range(4)), mi.Float(0))

@@ -23,16 +23,14 @@ from .path_steps import (
     World,
     density_at,
     evaluate_at,
-    finest_pixel,
     from_lights,
-    is_above,
     met_light,
     next_surface,
     point_of,
 )
 from .plan import RenderPlan
 from .projection import View
-from .shading import Shading, lifted
+from .shading import Shading, is_above, lifted
 
 SURE_DEPTH = 5  # edges before Russian roulette begins
 
@@ -171,7 +169,7 @@ def _one_path(world: World, view: View, first: GBuffer, ray: mi.Ray3f, rng: mi.P
         throughput *= dr.select(active, evaluate_at(model, point, towards) / dr.maximum(chance, 1e-30), 0)
         onward = lifted(point.position, point.geometric, towards, point.distance)
         hit, distance = next_surface(shading, pose, onward, None, mi.Float(0), rng, active)
-        following = describe_hit(shading.geometry, shading.materials, shading.brdf, pose, view, onward, hit, finest_pixel())
+        following = describe_hit(shading.geometry, shading.materials, shading.brdf, pose, view, onward, hit, None)
         light += throughput * met_light(world, onward, hit, distance, following.surface.emission, chance, active)
         active &= hit.valid
         point = point_of(following, dr.maximum(point.distance, dr.select(active, distance, 0)))

@@ -77,6 +77,11 @@ def lifted_from(sample: GBuffer, direction: mi.Vector3f) -> mi.Ray3f:
     return lifted(sample.position, sample.geometric, direction, depth)
 
 
+def is_above(surface, towards: mi.Vector3f) -> mi.Bool:
+    """Whether a direction leaves a surface, by its `geometric` and by its shading `normal`."""
+    return (dr.dot(surface.geometric, towards) > 0) & (dr.dot(surface.normal, towards) > 0)
+
+
 def is_shadowed(shading: Shading, pose: Pose, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
     """Whether an opaque surface stops the ray before its end; blended ones do not."""
     if not (shading.materials.masks or shading.materials.blends or shading.geometry.hides):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -137,6 +138,11 @@ class Environment:
     texels: NDArray[np.float32]
     world_from_environment: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
+    @cached_property
+    def mean(self) -> float:
+        """Of all texels and components."""
+        return float(self.texels.mean())
+
 
 @dataclass(frozen=True, kw_only=True)
 class SceneDescription:
@@ -167,6 +173,12 @@ class SceneDescription:
     materials_at: Callable[[float], tuple[Material, ...]] | None = None
     animation_end_s: float = 0.0
     not_read: tuple[str, ...] = ()
+
+    @cached_property
+    def squared_diagonal(self) -> float:
+        """Of the bounds at time 0, squared scene units; every frame asks, and it looks at every vertex."""
+        low, high = scene_bounds(self)
+        return float(np.sum((high - low) ** 2))
 
     @property
     def up(self) -> NDArray[np.float64]:
