@@ -25,7 +25,8 @@ def reflect(base, metallic, roughness, n, v, l, specular=0.5) -> NDArray:
     d = alpha**2 / (np.pi * (alpha**2 * n_h**2 + sine2) ** 2)
     g_v, g_l = (2 / (1 + np.sqrt(1 + alpha**2 * (1 / c**2 - 1))) for c in (n_v, n_l))
     f0 = f0_of(base, metallic, specular)
-    f = f0 + (1 - f0) * (1 - v_h) ** 5
+    f90 = np.minimum(50 * np.max(f0, axis=-1, keepdims=True), 1) if np.ndim(f0) else min(50 * f0, 1)
+    f = f0 + (f90 - f0) * (1 - v_h) ** 5
     value = ((1 - metallic) * np.asarray(base, float) / np.pi + d * f * g_v * g_l / (4 * n_v * n_l)) * n_l
     return np.where(n_l > 1e-140, value, 0)
 

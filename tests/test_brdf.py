@@ -15,6 +15,7 @@ from framepairs.brdf import (
     pre_integrated,
     sample,
     sample_specular,
+    schlick,
     specular_chance,
     specular_density,
 )
@@ -205,7 +206,8 @@ def test_chances_follow_fresnel_and_colour():
 
     assert chance(0.8, 1.0, 0.8, 1.0) == 1  # no diffuse part
     assert chance(0.0, 0.0, 0.04, 1.0) == 1
-    assert chance(0.9, 0.0, 0.0, 1.0) == pytest.approx(LEAST_CHANCE)  # Fresnel 0 at n.v, but not elsewhere
+    assert chance(0.9, 0.0, 0.0, 1.0) == 0  # specular 0 has no lobe
+    assert chance(0.9, 0.0, 0.001, 1.0) == pytest.approx(LEAST_CHANCE)  # Fresnel is small at n.v, but not elsewhere
     assert chance(1e-4, 0.0, 1.0, 1.0) == pytest.approx(1 - LEAST_CHANCE)
     assert chance(0.4, 0.0, 0.4, 1.0) == pytest.approx(0.5)
     assert chance(0.4, 0.5, 0.1, 1.0) == pytest.approx(1 / 3, rel=1e-6)
@@ -230,7 +232,8 @@ def test_table_equals_a_midpoint_quadrature_of_the_brdf_that_shades(visibility, 
         value = evaluate(model, mi.Color3f(0), mi.Float(1), mi.Float(roughness), mi.Color3f(f0), n, view, light)
         return float(np.array(value.x, dtype=np.float64).sum()) * 2 * np.pi / (rows * columns)
 
-    a_plus_b, b = albedo(1.0), albedo(0.0)
+    a_plus_b, least = albedo(1.0), 0.02  # from F0 = 0.02 on, F90 is 1
+    b = (albedo(least) - least * a_plus_b) / (1 - least)
     a, from_table = look_up(Brdf(model, brdf_table(model)), mi.Float(cos_v), mi.Float(roughness), mi.Bool(True))
     assert a[0] + from_table[0] == pytest.approx(a_plus_b, abs=2e-4)
     assert from_table[0] == pytest.approx(b, abs=2e-4)
@@ -243,6 +246,22 @@ def test_look_up_hits_nodes_and_clamps():
     for cos_v, roughness in ((-0.1, 0.5), (1.2, 2.0), (0.0, 0.0)):
         a, b = look_up(TABLE, mi.Float(cos_v), mi.Float(roughness), mi.Bool(True))
         assert np.isfinite([a[0], b[0]]).all()
+
+
+def test_a_surface_of_specular_0_is_lambert_alone():
+    rng = np.random.default_rng(3)
+    v, l = (mi.Vector3f((d / np.linalg.norm(d, axis=0)).astype(np.float32)) for d in np.abs(rng.normal(size=(2, 3, 500))))
+    n, base = mi.Vector3f(0, 0, 1), mi.Color3f(0.7, 0.4, 0.1)
+    value = evaluate(MODEL, base, mi.Float(0), mi.Float(0.2), mi.Color3f(0), n, v, l)
+    lambert = base * (l.z * dr.inv_pi)
+    assert np.array_equal(np.array(value), np.array(lambert))
+    assert np.allclose(np.array(pre_integrated(base, mi.Float(0), mi.Color3f(0), mi.Float(0.6), mi.Float(0.3))), np.array(base))
+
+
+@pytest.mark.parametrize("f0, f90", [(0.0, 0.0), (0.01, 0.5), (0.02, 1.0), (0.04, 1.0), (1.0, 1.0)])
+def test_grazing_reflectance_falls_with_f0_below_any_real_material(f0, f90):
+    assert schlick(mi.Color3f(f0), mi.Float(0)).x[0] == pytest.approx(f90, rel=1e-6)
+    assert schlick(mi.Color3f(0, f0, 0), mi.Float(0)).y[0] == pytest.approx(f90, rel=1e-6)  # of its greatest component
 
 
 def test_f0_and_f_beta_by_hand():

@@ -8,9 +8,9 @@ import pytest
 
 from framepairs.camera_path import CameraSample
 from framepairs.channels import CHANNELS
-from framepairs.plan import RenderPlan
+from framepairs.plan import RenderPlan, make_plan, plan_streams
 from framepairs.scene.description import Environment, Material, Mesh, SceneDescription, SceneObject, Slot, Texture
-from framepairs.scene.needs import channel_needs
+from framepairs.scene.needs import channel_needs, equal_streams, table_need
 from framepairs.transforms import translation
 
 TRIANGLE = Mesh(name="m", positions=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], dtype=np.uint32))
@@ -165,3 +165,47 @@ def test_filtered_normals_make_roughness_vary_unless_the_plan_says_no():
     texture = Texture(name="bumps", texels=np.zeros((2, 2, 4), np.uint8), srgb=False)
     assert needs(bumpy, textures=(texture,))["roughness"].needed
     assert needs(bumpy, textures=(texture,), plan=RenderPlan(normal_variance=False))["roughness"].constant == (0.5,)
+
+
+def test_vertex_colours_need_albedo_unless_they_are_white_or_colour_light():
+    def albedo(color, **values):
+        described = scene(material(**values))
+        colors = np.tile(np.float32(color), (3, 1))
+        described = replace(described, meshes=(replace(TRIANGLE, colors=colors),))
+        return channel_needs(described, [camera()], RenderPlan())["albedo"].needed
+
+    assert albedo((1, 0.5, 1, 1))
+    assert not albedo((1, 1, 1, 0.5))
+    assert not albedo((1, 0.5, 1, 1), vertex_colors="emission")
+    assert not albedo((1, 0.5, 1, 1), base_color=(0, 0, 0))
+
+
+def test_without_textures_a_mip_bias_changes_nothing():
+    plan = make_plan({"scales": [2, 3], "variants": ["native", "mip", "jittered", "jittered_mip"]})
+    names = {stream.name for stream in plan_streams(plan)}
+    twins = equal_streams(scene(material()), plan)
+    assert twins == {
+        "lr_x2_mip-1": "lr_x2",
+        "lr_x2_jittered_mip-1": "lr_x2_jittered",
+        "lr_x3_mip-1.585": "lr_x3",
+        "lr_x3_jittered_mip-1.585": "lr_x3_jittered",
+    }
+    assert set(twins) < names
+    assert equal_streams(scene(material(base_texture=Slot(texture=0))), plan) == {}
+    alone = make_plan({"variants": ["native", "jittered_mip"]})
+    assert equal_streams(scene(material()), alone) == {}  # its twin is not among the streams
+
+
+@pytest.mark.parametrize(
+    ("values", "needed"),
+    [
+        ({"specular": 0.0}, False),
+        ({"specular": 0.01}, True),
+        ({"specular": 0.0, "metallic": 0.1}, True),
+        ({"specular": 0.5, "surface_texture": Slot(texture=0)}, True),
+        ({"specular": 0.0, "metallic": 1.0, "surface_texture": Slot(texture=1)}, False),  # its texture leaves no metal
+    ],
+)
+def test_the_table_is_needed_by_specular_surfaces(values, needed):
+    without_metal = replace(IMAGE, scale=(1, 1, 0, 0), bias=(0, 0, 0, 1))
+    assert table_need(scene(material(**values), textures=(SURFACE, without_metal))).needed == needed

@@ -19,10 +19,10 @@ LEAST_CHANCE = 0.1  # of a lobe that is not 0: Fresnel at n.v says little about 
 
 @dataclass(frozen=True)
 class Brdf:
-    """The model that shades, and its table of A and B: [size, size, 2]."""
+    """The model that shades, and its table of A and B: [size, size, 2]; None where no surface has a specular lobe."""
 
     model: BrdfModel
-    table: mi.TensorXf
+    table: mi.TensorXf | None
 
 
 def alpha_of(model: BrdfModel, roughness: mi.Float) -> mi.Float:
@@ -127,11 +127,11 @@ def density(
 def specular_chance(base_color: mi.Color3f, metallic: mi.Float, f0: mi.Color3f, n_v: mi.Float) -> mi.Float:
     """Probability that `sample` takes the specular lobe: luminances of Fresnel at n_v against (1 - metallic) base.
 
-    At least LEAST_CHANCE, and at most 1 - LEAST_CHANCE unless there is no diffuse part.
+    At least LEAST_CHANCE, and at most 1 - LEAST_CHANCE, unless one of the lobes is 0.
     """
     specular, diffuse = mi.luminance(schlick(f0, n_v)), mi.luminance((1 - metallic) * base_color)
     chance = dr.clip(specular / dr.maximum(specular + diffuse, 1e-20), LEAST_CHANCE, 1 - LEAST_CHANCE)
-    return dr.select(diffuse > 0, chance, 1)
+    return dr.select(diffuse > 0, dr.select(dr.max(f0) > 0, chance, 0), 1)
 
 
 def sample_specular(
@@ -178,8 +178,11 @@ def look_up(brdf: Brdf, cos_v: mi.Float, roughness: mi.Float, active: mi.Bool) -
 
     The roughness is clamped as alpha is, so that no cell is interpolated across the bend at alpha 0.001. For small alpha,
     A + B is a function of n.v / alpha. Where the rows lie far apart on that scale (mapping `linear`), A + B is
-    interpolated along constant n.v / alpha, and B's share of it, which is not such a function, along constant n.v.
+    interpolated along constant n.v / alpha, and B's share of it, which is not such a function, along constant n.v. Without a
+    table both are 0.
     """
+    if brdf.table is None:
+        return mi.Float(0), mi.Float(0)
     size = brdf.table.shape[0]
     x = dr.sqrt(dr.clip(cos_v, 0, 1)) * (size - 1)
     y = dr.clip(roughness, 0, 1)
@@ -210,13 +213,19 @@ def _in_row(brdf: Brdf, row: mi.UInt32, x: mi.Float, active: mi.Bool) -> mi.Vect
 def pre_integrated(
     base_color: mi.Color3f, metallic: mi.Float, f0: mi.Color3f, a: mi.Float, b: mi.Float
 ) -> mi.Color3f:
-    """F_beta = (1 - metallic) base + F0 A + B (equations 12, 14, 15)."""
-    return (1 - metallic) * base_color + f0 * a + b
+    """F_beta = (1 - metallic) base + F0 A + F90 B (equations 12, 14, 15, where F90 is 1)."""
+    return (1 - metallic) * base_color + f0 * a + f90_of(f0) * b
 
 
 def schlick(f0: mi.Color3f, cosine: mi.Float) -> mi.Color3f:
-    """Fresnel reflectance (equation 6)."""
-    return f0 + (1 - f0) * fifth(1 - dr.minimum(cosine, 1))
+    """Fresnel reflectance (equation 6, where F90 is 1)."""
+    return f0 + (f90_of(f0) - f0) * fifth(1 - dr.minimum(cosine, 1))
+
+
+def f90_of(f0: mi.Color3f) -> mi.Float:
+    """Reflectance at grazing incidence: 1 from F0 = 0.02 on, which is below every real material, then falling to 0 with F0, so
+    that a surface of specular 0 is Lambert alone (Lagarde and de Rousiers 2014, section 3.1.3)."""
+    return dr.minimum(50 * dr.max(f0), 1)
 
 
 def fifth(x: mi.Float) -> mi.Float:

@@ -1,4 +1,4 @@
-"""The table of A and B, the integral of the BRDF that shades: specular albedo = F0 A + B (NSRD supplement, equations 15 to 18).
+"""The table of A and B, the integral of the BRDF that shades: specular albedo F0 A + F90 B (NSRD supplement, equations 15-18).
 
 Written over visible normals, A and B are means of G2 / G1(v) (1 - F_c) and G2 / G1(v) F_c, F_c = (1 - v.h)^5, over the part
 of the spherical cap of Dupuy and Benyoub 2023 whose light lies above the horizon: integrands in [0, 1] that vary on the
@@ -49,7 +49,7 @@ def table_channel(model: BrdfModel) -> Channel:
     alpha = "roughness^2" if model.mapping == "squared" else "roughness"
     return Channel(
         name="brdf_table", exr=("A", "B"), dtype="float", unit="1", frame_of_reference="none", needed_by="",
-        meaning=f"{model.visibility}, alpha = max({alpha}, {MIN_ALPHA}): specular albedo = F0 A + B; "
+        meaning=f"{model.visibility}, alpha = max({alpha}, {MIN_ALPHA}): specular albedo = F0 A + F90 B; "
         "column x: n.v = (x / (size - 1))^2, row y: roughness = y / (size - 1)",
     )  # fmt: skip
 

@@ -96,7 +96,7 @@ CHANNELS: tuple[Channel, ...] = (
     ),
     Channel(
         name="brdf", exr=RGB, dtype="half", unit="reflectance, linear Rec. 709", frame_of_reference="none",
-        averaged=True, background=(0, 0, 0), meaning="pre-integrated F_beta = (1 - metallic) albedo + F0 A + B",
+        averaged=True, background=(0, 0, 0), meaning="pre-integrated F_beta = (1 - metallic) albedo + F0 A + F90 B",
         needed_by="every scene",
     ),
     Channel(

@@ -22,7 +22,8 @@ CONVENTIONS = {
     "normal": "world space, unit length, shading normal turned towards the camera; (0, 0, 0) for the background",
     "color": "scene-linear Rec. 709, unexposed; display = color * 2^exposure_ev",
     "roughness": "perceptual; GGX alpha by the plan's roughness_mapping: roughness^2 (squared) or roughness (linear)",
-    "brdf": "F_beta = (1 - metallic) * albedo + F0 * A + B; F0 = lerp(0.08 * specular, albedo, metallic)",
+    "brdf": "F_beta = (1 - metallic) * albedo + F0 * A + F90 * B; F0 = lerp(0.08 * specular, albedo, metallic); "
+    "F90 = min(50 * max(F0), 1)",
     "matrices": "a_from_b, row major, column vectors; camera x right, y up, looking along -z; clip z in [-1, 1]",
 }
 

@@ -41,7 +41,7 @@ class Corpus:
         return sorted(int(file.stem) for file in folder.glob("*.json") if file.stem.isdigit())
 
     def streams(self, sequence: str) -> list[str]:
-        """Streams of the sequence, in the plan's order."""
+        """Streams of the sequence, in the plan's order, also those that equal another one."""
         names = [row["name"] for row in self.manifest.streams]
         frames = self.frames(sequence)
         return [name for name in names if frames and name in self.record(sequence, frames[0]).streams]
@@ -66,14 +66,29 @@ class Corpus:
 
     def file_of(self, sequence: str, stream: str, channel: str, frame: int) -> tuple[Path, str]:
         """Path and recorded sha256 of a channel's file."""
-        relative = f"{stream}/{channel}/{frame_name(frame)}.exr"
+        source = self.sequence(sequence).equal_streams.get(stream, stream)
+        relative = f"{source}/{channel}/{frame_name(frame)}.exr"
         hashes = {item.path: item.sha256 for item in self.record(sequence, frame).files}
         if relative not in hashes:
             raise InputError(f"no stream {stream!r} in this frame", file=self.folder, frame=frame, field=channel)
         return self.folder / sequence / relative, hashes[relative]
 
+    def brdf_table(self) -> NDArray[np.float32]:
+        """A and B [size, size, 2]: rows are roughness, columns the root of cos(n, v), both from 0 to 1; zeros where no surface
+        has a specular lobe. Raises InputError naming the file."""
+        record = self.manifest.brdf_table
+        if record is None:
+            return np.zeros((self.manifest.plan.brdf_table,) * 2 + (2,), np.float32)
+        return read_checked(self.folder / record.path, record.sha256 if self.check else None, ("A", "B"))
+
     def _read_record(self, sequence: str, frame: int) -> FrameRecord:
-        return from_json(FrameRecord, self.folder / sequence / "frames" / f"{frame_name(frame)}.json")
+        """The record on disk, and in it the streams that are no files because they equal others."""
+        record = from_json(FrameRecord, self.folder / sequence / "frames" / f"{frame_name(frame)}.json")
+        biases = {row["name"]: row["mip_bias"] for row in self.manifest.streams}
+        for name, other in self.sequence(sequence).equal_streams.items():
+            if other in record.streams and name in biases:
+                record.streams[name] = record.streams[other].model_copy(update={"mip_bias": biases[name]})
+        return record
 
     def _read_file(self, sequence: str, stream: str, channel: str, frame: int) -> NDArray:
         file, sha256 = self.file_of(sequence, stream, channel, frame)

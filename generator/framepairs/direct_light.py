@@ -68,7 +68,7 @@ def _from_lobe(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, pl
     total = mi.Color3f(0)
     if dr.hint("mesh" in lights.kinds, mode="scalar"):
         chance = mesh_light_density(lights.meshes, shading.geometry, pose, hit, towards, distance)
-        glow = emission_at(shading.geometry, shading.materials, pose, hit)
+        glow = emission_at(shading.geometry, shading.materials, pose, hit, towards)
         total += dr.select(chance > 0, glow / dr.maximum(lobe + chance, 1e-30), 0)
     if dr.hint(bool(lights.kinds & {"rectangle", "disk", "sphere"}), mode="scalar"):
         k = mi.UInt32(0)

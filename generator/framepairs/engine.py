@@ -22,6 +22,7 @@ from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
 from .radiance import Radiance, shade
 from .scene.description import SceneDescription
+from .scene.needs import table_need
 from .shading import Shading, build_shading
 
 AVERAGED = ("color", "emission", "brdf", "transparency")
@@ -63,10 +64,12 @@ class Engine:
 
     def __init__(self, scene: SceneDescription, plan: RenderPlan):
         self.scene, self.plan = scene, plan
-        model = brdf_model(plan)
-        self.shading = build_shading(scene, plan, Brdf(model, brdf_table(model, plan.brdf_table)))
+        model, specular = brdf_model(plan), plan.channels == "all" or table_need(scene).needed
+        table = brdf_table(model, plan.brdf_table) if specular else None
+        self.shading = build_shading(scene, plan, Brdf(model, table))
         self._lit = plan.shading == "raster"
-        self.passes: dict[str, int] = {"gbuffer": 0, "motion": 0, "dual_motion": 0, "radiance": 0, "path": 0}
+        self.passes = dict.fromkeys(("brdf_table", "gbuffer", "motion", "dual_motion", "radiance", "path"), 0)
+        self.passes["brdf_table"] += specular
 
     def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
         """The `channels` of one stream of one frame. `sequence_seed` decides the light paths of `path` shading."""

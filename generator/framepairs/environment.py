@@ -1,6 +1,6 @@
 """Light from infinitely far away, ready for shading: the sky itself, its irradiance, and its GGX-filtered levels.
 
-The split sum (Karis 2013): specular light is filtered(reflection, roughness) times (F0 A + B), where the filter takes the
+The split sum (Karis 2013): specular light is filtered(reflection, roughness) times (F0 A + F90 B), where the filter takes the
 lobe seen along the normal. Irradiance is nine spherical harmonics (Ramamoorthi and Hanrahan 2001), exact for the light's
 first three bands.
 """

@@ -1,11 +1,21 @@
 """What the pixel sees: the nearest opaque or alpha-tested surface along a camera ray, and its material."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .backend import dr, mi
 from .brdf import Brdf, f0_of, look_up, pre_integrated
 from .geometry import Geometry, Pose
-from .materials import Footprint, MaterialTable, Surface, finest_footprint, is_blended, is_opaque, opacity_of, surface_of
+from .materials import (
+    Footprint,
+    MaterialTable,
+    Surface,
+    bumps_by_second,
+    emitted,
+    is_blended,
+    is_opaque,
+    opacity_of,
+    surface_of,
+)
 from .projection import View, direction, origin, project
 from .tracing import Hit, Triangle, trace, triangle_of
 
@@ -89,7 +99,10 @@ def describe_hit(
     triangle = triangle_of(geometry.tables, pose, hit)
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, valid)
     surface = surface_of(materials, material, footprint_of(triangle, ray, pixel), valid)
-    normal = _bent(triangle, surface.tangent_normal)
+    surface = replace(surface, emission=emitted(materials, material, surface.emission, triangle.outward, ray.d, valid))
+    normal = triangle.normal
+    if "normal_texture" in materials.used:
+        normal = _bent(triangle, materials, material, surface.tangent_normal, valid)
     behind = dr.dot(triangle.geometric, ray.d) > 0  # surfaces are seen from both sides
     towards = dr.normalize(-ray.d)
     normal = dr.select(behind, -normal, normal)
@@ -144,6 +157,8 @@ def first_solid(
             doubtful = hit.valid & ~is_opaque(materials, material, hit.valid)
             if dr.hint(doubtful, exclude=[geometry, materials, pose, hit, pixel, blended_too]):
                 through = _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too)
+        if dr.hint(geometry.culls and pixel is not None, mode="scalar"):
+            through |= _is_culled(geometry, pose, ray, hit)
         if dr.hint(geometry.hides, mode="scalar"):
             through |= hit.valid & dr.gather(mi.Bool, pose.hidden, hit.object, hit.valid)
         valid, item, face, uv = hit.valid, hit.object, hit.face, hit.uv
@@ -160,7 +175,7 @@ def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel | None) -> Foot
     None has no extent and reads the finest texels.
     """
     if pixel is None:
-        return finest_footprint(triangle.uv)
+        return finest_footprint(triangle)
     normal = dr.cross(triangle.edge1, triangle.edge2)
     squared = dr.squared_norm(normal)
     scale = dr.select(squared > 0, 1 / squared, 0)
@@ -173,11 +188,29 @@ def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel | None) -> Foot
         moved = beside - ray.d * (dr.dot(normal, beside) / facing)
         u = dr.dot(dr.cross(moved, triangle.edge2), normal) * scale
         v = dr.dot(dr.cross(triangle.edge1, moved), normal) * scale
-        return u * triangle.uv_edge1 + v * triangle.uv_edge2
+        return mi.Vector2f(u, v)
 
-    return Footprint(
-        triangle.uv, change(pixel.ddx, pixel.origin_ddx), change(pixel.ddy, pixel.origin_ddy), pixel.bias
-    )
+    dx, dy = change(pixel.ddx, pixel.origin_ddx), change(pixel.ddy, pixel.origin_ddy)
+
+    def covered(uv: mi.Point2f, edge1: mi.Vector2f, edge2: mi.Vector2f) -> Footprint:
+        return Footprint(uv, dx.x * edge1 + dx.y * edge2, dy.x * edge1 + dy.y * edge2, pixel.bias)
+
+    first = covered(triangle.uv, triangle.uv_edge1, triangle.uv_edge2)
+    second = None if triangle.second is None else covered(*triangle.second)
+    return replace(first, second=second, color=triangle.color)
+
+
+def finest_footprint(triangle: Triangle) -> Footprint:
+    """One without extent, which reads the finest texels."""
+    none, level = mi.Vector2f(0), mi.Float(0)
+    second = None if triangle.second is None else Footprint(triangle.second[0], none, none, level)
+    return Footprint(triangle.uv, none, none, level, second, triangle.color)
+
+
+def _is_culled(geometry, pose, ray, hit) -> mi.Bool:
+    """Whether the hit is on the back of an object whose back faces are not drawn."""
+    single = hit.valid & dr.gather(mi.Bool, geometry.tables.single_sided, hit.object, hit.valid)
+    return single & (dr.dot(triangle_of(geometry.tables, pose, hit).outward, ray.d) > 0)
 
 
 def _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too) -> mi.Bool:
@@ -187,17 +220,28 @@ def _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too) -> mi
     return clear if blended_too else clear | is_blended(materials, material, hit.valid)
 
 
-def _bent(triangle: Triangle, tangent_normal: mi.Vector3f) -> mi.Vector3f:
-    """The normal map's normal [3] in render space; the interpolated one where uv gives no tangents."""
-    determinant = triangle.uv_edge1.x * triangle.uv_edge2.y - triangle.uv_edge1.y * triangle.uv_edge2.x
-    tangent = (triangle.edge1 * triangle.uv_edge2.y - triangle.edge2 * triangle.uv_edge1.y) * dr.sign(determinant)
-    normal = triangle.normal
+def _bent(
+    triangle: Triangle, materials: MaterialTable, material: mi.UInt32, tangent_normal: mi.Vector3f, valid: mi.Bool
+) -> mi.Vector3f:
+    """The normal map's normal [3] in render space, by the mesh's tangents or else by uv; the interpolated one where neither
+    gives a direction."""
+    normal, uv_edge1, uv_edge2 = triangle.normal, triangle.uv_edge1, triangle.uv_edge2
+    if triangle.second is not None:
+        second = bumps_by_second(materials, material, valid)
+        uv_edge1, uv_edge2 = dr.select(second, triangle.second[1], uv_edge1), dr.select(second, triangle.second[2], uv_edge2)
+    determinant = uv_edge1.x * uv_edge2.y - uv_edge1.y * uv_edge2.x
+    tangent = (triangle.edge1 * uv_edge2.y - triangle.edge2 * uv_edge1.y) * dr.sign(determinant)
     tangent = tangent - normal * dr.dot(normal, tangent)
     usable = (dr.squared_norm(tangent) > 0) & (determinant != 0)
     tangent = dr.normalize(dr.select(usable, tangent, mi.Vector3f(1, 0, 0)))
     handedness = dr.sign(determinant) * dr.sign(
         dr.dot(dr.cross(triangle.edge1, triangle.edge2), normal)
     )  # mirrored uv turn the bitangent, not the normal
+    if triangle.tangent is not None:
+        given, sign = mi.Vector3f(triangle.tangent.x, triangle.tangent.y, triangle.tangent.z), triangle.tangent.w
+        is_given = dr.squared_norm(given) > 0
+        tangent, handedness = dr.select(is_given, given, tangent), dr.select(is_given, sign, handedness)
+        usable |= is_given
     bitangent = dr.cross(normal, tangent) * handedness
     bent = tangent_normal.x * tangent + tangent_normal.y * bitangent + tangent_normal.z * normal
     return dr.select(usable, dr.normalize(bent), normal)

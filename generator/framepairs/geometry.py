@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 
 from .backend import dr, mi
 from .frame import FrameState, ObjectStates
-from .scene.description import Deformed, Mesh, SceneDescription
+from .scene.description import Deformed, Mesh, SceneDescription, has_colors, has_tangents, slots_of
 
 
 @dataclass(frozen=True)
 class Tables:
-    """uv: [2 V]; faces: [3 T] indices into vertices. Per object: first_face, material. object_of_shape: object index by
-    Mitsuba's registry number of the shape or instance."""
+    """uv: [2 V]; uv2, colors, tangents: [2 V], [4 V], [4 V], None where no material reads them; faces: [3 T] indices into
+    vertices. Per object: first_face, material, single_sided. object_of_shape: object index by Mitsuba's registry number of
+    the shape or instance."""
 
     uv: mi.Float
+    uv2: mi.Float | None
+    colors: mi.Float | None
+    tangents: mi.Float | None
     faces: mi.UInt32
     first_face: mi.UInt32
     material: mi.UInt32
+    single_sided: mi.Bool
     object_of_shape: mi.UInt32
 
 
@@ -58,10 +63,10 @@ class Geometry:
 
     Two Mitsuba scenes take turns: what was the current frame's is the previous one's when frames come in order. They are
     a cache only: a pose is found by what decides it, and built or updated where none fits. hides: objects may be hidden, so
-    rays must ask.
+    rays must ask. culls: camera rays pass the back faces of some objects.
     """
 
-    def __init__(self, scene: SceneDescription):
+    def __init__(self, scene: SceneDescription, cull_back_faces: bool = False):
         self._scene = scene
         uses = np.bincount([item.mesh for item in scene.objects], minlength=len(scene.meshes))
         deforms = [scene.meshes[item.mesh].deforms for item in scene.objects]
@@ -80,6 +85,7 @@ class Geometry:
         self._vertices = _vertices(scene)
         self._still = tuple(mi.Float(array.ravel()) for array in self._vertices)
         self.hides = scene.visible is not None
+        self.culls = cull_back_faces and not all(item.double_sided for item in scene.objects)
         self.tables: Tables | None = None
 
     def pose(self, frame: FrameState) -> tuple[Pose, Pose]:
@@ -245,16 +251,29 @@ def _vertices(scene: SceneDescription) -> tuple[NDArray[np.float32], NDArray[np.
 def _tables(scene: SceneDescription, object_of_shape: NDArray) -> Tables:
     first_vertex = np.concatenate([[0], np.cumsum([len(mesh.positions) for mesh in scene.meshes])])
     first_face = np.concatenate([[0], np.cumsum([len(mesh.faces) for mesh in scene.meshes])])
-    uv = [np.zeros((len(mesh.positions), 2), np.float32) if mesh.uv is None else mesh.uv for mesh in scene.meshes]
+    slots = [slot for material in scene.materials for slot in slots_of(material)]
+    has_bumps = any(material.normal_texture is not None for material in scene.materials)
     faces = [mesh.faces.astype(np.int64) + first_vertex[index] for index, mesh in enumerate(scene.meshes)]
     meshes = [item.mesh for item in scene.objects]
     return Tables(
-        uv=mi.Float(_gathered(uv, np.float32, 2).ravel()),
+        uv=_attribute(scene, "uv", (0, 0)),
+        uv2=_attribute(scene, "uv2", (0, 0)) if any(slot.uv_set == 1 for slot in slots) else None,
+        colors=_attribute(scene, "colors", (1, 1, 1, 1)) if has_colors(scene) else None,
+        tangents=_attribute(scene, "tangents", (0, 0, 0, 0)) if has_bumps and has_tangents(scene) else None,
         faces=mi.UInt32(_gathered(faces, np.uint32, 3).ravel()),
         first_face=mi.UInt32(first_face[meshes].astype(np.uint32) if meshes else np.zeros(1, np.uint32)),
         material=mi.UInt32(np.array([item.material for item in scene.objects] or [0], dtype=np.uint32)),
+        single_sided=mi.Bool(np.array([not item.double_sided for item in scene.objects] or [False])),
         object_of_shape=mi.UInt32(object_of_shape),
     )
+
+
+def _attribute(scene: SceneDescription, name: str, otherwise: tuple[float, ...]) -> mi.Float:
+    """Values per vertex of all meshes; `otherwise` for meshes without them."""
+    width = len(otherwise)
+    given = [(getattr(mesh, name), len(mesh.positions)) for mesh in scene.meshes]
+    filled = [np.full((count, width), otherwise, np.float32) if values is None else values for values, count in given]
+    return mi.Float(_gathered(filled, np.float32, width).ravel())
 
 
 def _gathered(arrays: list[NDArray], dtype, width: int) -> NDArray:

@@ -26,7 +26,7 @@ from .manifest import (
 from .plan import STREAM_KEYS, RenderPlan, brdf_model, jitter_length, plan_streams
 from .scene import scene_hash
 from .scene.description import SceneDescription
-from .scene.needs import Need, channel_needs
+from .scene.needs import Need, channel_needs, equal_streams, table_need
 
 EVERYWHERE = ("motion", "visibility")  # channels whose constant holds in the background too
 
@@ -55,6 +55,16 @@ class Job:
     @cached_property
     def needs(self) -> dict[str, Need]:
         return channel_needs(self.scene, self.shoot.samples, self.plan)
+
+    @cached_property
+    def equal_streams(self) -> dict[str, str]:
+        """Streams that become no files, and those that they equal."""
+        return {} if self.plan.channels == "all" else equal_streams(self.scene, self.plan)
+
+    @cached_property
+    def streams(self) -> tuple[Stream, ...]:
+        """Streams that become files."""
+        return tuple(stream for stream in plan_streams(self.plan) if stream.name not in self.equal_streams)
 
     @cached_property
     def table(self) -> tuple[Channel, ...]:
@@ -100,21 +110,24 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
     """
     file = job.out / "corpus.json"
     sequences: dict[str, SequenceRecord] = {}
+    existing_table = None
     if file.is_file():
         existing: CorpusManifest = from_json(CorpusManifest, file)
         _refuse_other_plan(existing.plan, job.plan, file, add_streams)
-        sequences = dict(existing.sequences)
+        sequences, existing_table = dict(existing.sequences), existing.brdf_table
     elif job.out.is_dir() and any(job.out.iterdir()):
         raise InputError("is not empty and holds no corpus.json: choose another folder with --out", file=job.out)
     make_folder(job.out)
     known = sequences.get(job.sequence)
     entry = _sequence_record(job)
+    if known is not None and add_streams:
+        known = known.model_copy(update={"equal_streams": entry.equal_streams})
     if known is not None and known != entry:
         differing = next(key for key in type(entry).model_fields if getattr(known, key) != getattr(entry, key))
         raise InputError(f"sequence {job.sequence} is there with another {differing}", file=file, field=differing)
     for left_over in (job.out / job.sequence).rglob(".*.part"):
         left_over.unlink(missing_ok=True)  # of a render that was killed
-    table, data = _table(job)
+    table, data = _table(job) if job.plan.channels == "all" or table_need(job.scene).needed else (None, None)
     manifest = CorpusManifest(
         plan=job.plan,
         backend=mi.variant(),
@@ -122,11 +135,12 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
         conventions=CONVENTIONS,
         channels=[_channel_row(channel) for channel in job.table],
         streams=[_stream_row(job.plan, stream) for stream in plan_streams(job.plan)],
-        brdf_table=table,
+        brdf_table=table or existing_table,
         sequences={**sequences, job.sequence: entry},
     )
     write_atomically(file, to_json(manifest))
-    write_atomically(job.out / table.path, data)
+    if table is not None:
+        write_atomically(job.out / table.path, data)
 
 
 def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool) -> None:
@@ -171,6 +185,7 @@ def _sequence_record(job: Job) -> SequenceRecord:
         animation_clip=job.clip,
         channels=[channel.name for channel in job.channels],
         constants=constants,
+        equal_streams=job.equal_streams,
     )
 
 

@@ -114,6 +114,7 @@ class SequenceRecord(_Model):
     animation_clip: str | None = Field(None, description="the clip that was asked for, of files that hold several")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")
+    equal_streams: dict[str, str] = Field({}, description="streams that are no files, and the stream that each equals")
     split: Literal["train", "val", "test"] = "train"
 
 
@@ -137,7 +138,7 @@ class CorpusManifest(_Model):
     conventions: dict[str, str]
     channels: list[dict[str, Any]] = Field(description="the channel table")
     streams: list[dict[str, Any]] = Field(description="the plan's streams, resolved")
-    brdf_table: TableRecord
+    brdf_table: TableRecord | None = Field(None, description="null where no surface has a specular lobe: A and B are 0")
     sequences: dict[str, SequenceRecord]
 
 

@@ -12,43 +12,46 @@ from .scene.description import IDENTITY_UV, Material, SceneDescription, Slot, Te
 from .textures import TextureSettings, TextureTable, build_textures, sample_normal, sample_texture
 
 SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
-CONSTANTS = 16  # floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, 4 free
+# Floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, whether vertex colours
+# multiply the emission, whether it emits from the front alone, 2 free.
+CONSTANTS = 16
 ALPHA_CODE = {"opaque": 0, "mask": 1, "blend": 2}
 NO_TEXTURE = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
 class MaterialTable:
-    """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. uv: [24 M], a 2x3 matrix per slot. used: the slots
-    that any material fills. masks, blends, moves_uv (has a uv transform): whether any material does. model: what roughness
-    means. normal_variance: whether what filtered normal maps lost becomes roughness."""
+    """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. sets: [4 M] of texture coordinates, 0 or 1. uv:
+    [24 M], a 2x3 matrix per slot. used: the slots that any material fills. masks, blends, moves_uv (has a uv transform),
+    has_fronts (emits from its front alone): whether any material does. model: what roughness means. normal_variance:
+    whether what filtered normal maps lost becomes roughness."""
 
     constants: mi.Float
     alpha: mi.UInt32
     slots: mi.UInt32
+    sets: mi.UInt32
     uv: mi.Float
     textures: TextureTable
     used: frozenset[str]
     masks: bool
     blends: bool
     moves_uv: bool
+    has_fronts: bool
     model: BrdfModel
     normal_variance: bool
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """What a look-up covers: uv [2] and its derivatives per pixel in x and y, and the mip bias in levels."""
+    """What a look-up covers: uv [2] and its derivatives per pixel in x and y, and the mip bias in levels. second: the same of
+    the second set of texture coordinates. color: the vertices' [4]. None where no material, or no mesh, has them."""
 
     uv: mi.Point2f
     duv_dx: mi.Vector2f
     duv_dy: mi.Vector2f
     bias: mi.Float
-
-
-def finest_footprint(uv: mi.Point2f) -> Footprint:
-    """One without extent, which reads the finest texels."""
-    return Footprint(uv, mi.Vector2f(0), mi.Vector2f(0), mi.Float(0))
+    second: "Footprint | None" = None
+    color: mi.Vector4f | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,7 @@ def build_materials(
         constants=_all_constants(materials),
         alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
         slots=mi.UInt32(np.array(indices, dtype=np.uint32)),
+        sets=mi.UInt32(np.array([0 if slot is None else slot.uv_set for row in slots for slot in row], dtype=np.uint32)),
         uv=_all_uv(materials),
         textures=build_textures([texture for texture, _ in pairs], [role for _, role in pairs], settings.anisotropy),
         used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
@@ -82,6 +86,7 @@ def build_materials(
         blends=any(material.alpha == "blend" for material in materials),
         moves_uv=scene.materials_at is not None
         or any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
+        has_fronts=any(material.emits == "front" for material in materials),
         model=model,
         normal_variance=settings.normal_variance,
     )
@@ -98,9 +103,16 @@ def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
     base = dr.gather(mi.Vector4f, table.constants, material * 4, active)
     cutoff = dr.gather(mi.Float, table.constants, material * CONSTANTS + 7, active)
     value = base.w * _slot(table, "base_texture", material, footprint, active & (alpha != ALPHA_CODE["opaque"])).w
+    value *= 1 if footprint.color is None else footprint.color.w
     masked = dr.select(value >= cutoff, mi.Float(1), mi.Float(0))
     value = dr.select(alpha == ALPHA_CODE["mask"], masked, dr.clip(value, 0, 1))
     return dr.select(alpha == ALPHA_CODE["opaque"], 1, value)
+
+
+def bumps_by_second(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
+    """Whether the material's normal map reads the second set of texture coordinates."""
+    place = material * len(SLOTS) + SLOTS.index("normal_texture")
+    return dr.gather(mi.UInt32, table.sets, place, active) == 1
 
 
 def is_opaque(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
@@ -120,6 +132,7 @@ def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
     base = _slot(table, "base_texture", material, footprint, active)
     packed = _slot(table, "surface_texture", material, footprint, active)
     emission = _slot(table, "emission_texture", material, footprint, active)
+    base_tint, emission_tint = _tints(table, material, footprint, active)
     roughness = dr.clip(c1.y * packed.y, 0, 1)
     normal = mi.Vector3f(0, 0, 1)
     if "normal_texture" in table.used:
@@ -128,13 +141,32 @@ def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
         if table.normal_variance:
             roughness = roughened(table.model, roughness, texel.w * dr.square(c2.w))
     return Surface(
-        base_color=mi.Color3f(*(dr.clip(c0[k] * base[k], 0, 1) for k in range(3))),
+        base_color=mi.Color3f(*(dr.clip(c0[k] * base[k] * base_tint[k], 0, 1) for k in range(3))),
         specular=dr.clip(c1.x * packed.x, 0, 1),
         roughness=roughness,
         metallic=dr.clip(c1.z * packed.z, 0, 1),
-        emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k], 0) for k in range(3))),
+        emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k] * emission_tint[k], 0) for k in range(3))),
         tangent_normal=normal,
     )
+
+
+def emitted(
+    table: MaterialTable, material: mi.UInt32, emission: mi.Color3f, outward: mi.Vector3f, ray: mi.Vector3f, active: mi.Bool
+) -> mi.Color3f:
+    """The part of `emission` [3] that a ray of this direction meets: none behind what emits from its front alone."""
+    if not table.has_fronts:
+        return emission
+    front = dr.gather(mi.Float, table.constants, material * CONSTANTS + 13, active) > 0
+    return dr.select(front & (dr.dot(outward, ray) > 0), 0, emission)
+
+
+def _tints(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
+    """What vertex colours multiply base colour and emission with."""
+    if footprint.color is None:
+        return mi.Color3f(1), mi.Color3f(1)
+    color = mi.Color3f(footprint.color.x, footprint.color.y, footprint.color.z)
+    glows = dr.gather(mi.Float, table.constants, material * CONSTANTS + 12, active) > 0
+    return dr.select(glows, 1, color), dr.select(glows, color, 1)
 
 
 def roughened(model: BrdfModel, roughness: mi.Float, variance: mi.Float) -> mi.Float:
@@ -175,6 +207,10 @@ def _sampled(
 ) -> mi.Vector4f:
     sample = sample_normal if normals else sample_texture
     uv, duv_dx, duv_dy = footprint.uv, footprint.duv_dx, footprint.duv_dy
+    if footprint.second is not None:
+        second = dr.gather(mi.UInt32, table.sets, place, filled) == 1
+        pairs = ((uv, footprint.second.uv), (duv_dx, footprint.second.duv_dx), (duv_dy, footprint.second.duv_dy))
+        uv, duv_dx, duv_dy = (dr.select(second, other, first) for first, other in pairs)
     if table.moves_uv:
         u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
 
@@ -224,4 +260,5 @@ def _all_uv(materials: tuple[Material, ...]) -> mi.Float:
 def _constants(material: Material) -> list[float]:
     values = [*material.base_color, material.opacity, material.specular, material.roughness, material.metallic]
     values += [material.alpha_cutoff, *material.emission, material.normal_scale]
+    values += [float(material.vertex_colors == "emission"), float(material.emits == "front")]
     return values + [0.0] * (CONSTANTS - len(values))

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from .backend import dr, mi
 from .colour import LUMINANCE_709
+from .gbuffer import finest_footprint
 from .geometry import Geometry, Pose
-from .materials import MaterialTable, finest_footprint, opacity_of, surface_of
+from .materials import MaterialTable, emitted, opacity_of, surface_of
 from .scene.description import Material, SceneDescription
 from .scene.images import linear_texels
 from .tracing import Hit, triangle_of
@@ -39,12 +40,15 @@ class MeshLights:
 
 
 def build_mesh_lights(scene: SceneDescription, wanted: bool) -> MeshLights:
-    """All emissive objects whose triangles have an area, or none."""
+    """All emissive objects whose triangles have an area; those alone whose material `shines` where not `wanted`."""
     materials = _at_their_brightest(scene)
     emissive = [
         index
         for index, item in enumerate(scene.objects)
-        if wanted and materials and any(materials[item.material].emission) and len(scene.meshes[item.mesh].faces)
+        if materials
+        and (wanted or materials[item.material].shines)
+        and any(materials[item.material].emission)
+        and len(scene.meshes[item.mesh].faces)
     ]
     vectors = {mesh: _area_vectors(scene, mesh) for mesh in {scene.objects[index].mesh for index in emissive}}
     chosen = [index for index in emissive if vectors[scene.objects[index].mesh].any()]
@@ -104,7 +108,7 @@ def sample_mesh_light(
     distance = dr.maximum(dr.norm(there), 1e-18)
     towards = there / distance
     density = chosen * _per_area(triangle.edge1, triangle.edge2, towards, distance)
-    return towards, distance, emission_at(geometry, materials, pose, hit), dr.select(active, density, 0)
+    return towards, distance, emission_at(geometry, materials, pose, hit, towards), dr.select(active, density, 0)
 
 
 def mesh_light_density(
@@ -132,19 +136,23 @@ def first_above(
     return low
 
 
-def emission_at(geometry: Geometry, materials: MaterialTable, pose: Pose, hit: Hit) -> mi.Color3f:
-    """Radiance [3] that an object emits at a hit, at the finest texture level, thinned by its opacity."""
+def emission_at(
+    geometry: Geometry, materials: MaterialTable, pose: Pose, hit: Hit, direction: mi.Vector3f
+) -> mi.Color3f:
+    """Radiance [3] that an object emits at a hit against a ray's direction, at the finest texture level, thinned by its
+    opacity."""
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
-    uv = triangle_of(geometry.tables, pose, hit).uv
-    footprint = finest_footprint(uv)
+    triangle = triangle_of(geometry.tables, pose, hit)
+    footprint = finest_footprint(triangle)
     surface = surface_of(materials, material, footprint, hit.valid)
+    emission = emitted(materials, material, surface.emission, triangle.outward, direction, hit.valid)
     opacity = mi.Float(1)
     if materials.masks or materials.blends:
         opacity = opacity_of(materials, material, footprint, hit.valid)
     drawn = hit.valid
     if geometry.hides:
         drawn &= ~dr.gather(mi.Bool, pose.hidden, hit.object, hit.valid)
-    return dr.select(drawn, surface.emission * opacity, 0)
+    return dr.select(drawn, emission * opacity, 0)
 
 
 def _per_area(edge1: mi.Vector3f, edge2: mi.Vector3f, direction: mi.Vector3f, distance: mi.Float) -> mi.Float:

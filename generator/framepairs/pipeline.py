@@ -28,7 +28,6 @@ from .manifest import (
     to_json,
     write_atomically,
 )
-from .plan import plan_streams
 
 FLOAT_COLORS = frozenset({"color", "emission", "brdf"})
 WRITERS = 2
@@ -45,7 +44,7 @@ class Progress:
 
 def estimated_bytes(job: Job, frames: int) -> int:
     """Upper bound: the uncompressed size of what will be written (ZIP brings it to 30 to 60 percent)."""
-    pixels = sum(stream.size[0] * stream.size[1] for stream in plan_streams(job.plan))
+    pixels = sum(stream.size[0] * stream.size[1] for stream in job.streams)
     return frames * pixels * sum(channel.bytes_per_pixel for channel in job.channels)
 
 
@@ -63,7 +62,7 @@ def render_sequence(job: Job, frames: Sequence[int], *, add_streams: bool = Fals
         waiting: list[tuple[FrameState, FrameRecord | None, list]] = []
         for state in states:
             record = _existing_record(job, folder, state.frame)
-            missing = [s for s in plan_streams(job.plan) if record is None or s.name not in record.streams]
+            missing = [s for s in job.streams if record is None or s.name not in record.streams]
             if not missing:
                 while waiting:
                     yield _finish(job, folder, *waiting.pop(0))

@@ -57,6 +57,8 @@ class RenderPlan(BaseModel):
     jitter_length: Annotated[int, Field(ge=1)] | None = Field(
         None, description="length of the Halton sequence; null: int(8 S^2)"
     )
+    subdivision: Annotated[int, Field(ge=0, le=6)] = Field(2, description="how often subdivision surfaces are refined")
+    cull_back_faces: bool = Field(False, description="whether camera rays pass the back faces of single-sided objects")
     anisotropy: Annotated[int, Field(ge=1, le=16)] = Field(16, description="most taps of a texture look-up; 1: trilinear")
     normal_variance: bool = Field(True, description="what a filtered normal map lost in length becomes roughness (Toksvig)")
     mask_coverage: bool = Field(True, description="coarse levels of alpha masks keep the finest level's coverage")

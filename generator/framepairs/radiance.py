@@ -7,6 +7,7 @@ Nothing here is random.
 from dataclasses import dataclass
 
 from .backend import dr, mi
+from .brdf import f90_of
 from .direct_light import direct_light
 from .environment import diffuse_light, sky_radiance, specular_light
 from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, camera_ray, describe_hit, first_solid, footprint_of
@@ -62,7 +63,7 @@ def _surface_color(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer
     cos_v = dr.dot(n, v)
     diffuse = (1 - surface.metallic) * surface.base_color * diffuse_light(shading.sky, n)
     specular = specular_light(shading.sky, 2 * cos_v * n - v, surface.roughness, sample.hit.valid)
-    specular *= sample.f0 * sample.a + sample.b
+    specular *= sample.f0 * sample.a + f90_of(sample.f0) * sample.b
     if shading.occludes:
         free = ambient_visibility(shading, pose, sample)
         diffuse, specular = free * diffuse, specular_visibility(free, cos_v, surface.roughness) * specular

@@ -54,7 +54,7 @@ def build_shading(scene: SceneDescription, plan: RenderPlan, brdf: Brdf) -> Shad
     meshes = build_mesh_lights(scene, plan.mesh_lights or plan.shading == "path")
     texture_settings = TextureSettings(plan.anisotropy, plan.normal_variance, plan.mask_coverage)
     return Shading(
-        geometry=Geometry(scene),
+        geometry=Geometry(scene, plan.cull_back_faces),
         materials=build_materials(scene, brdf.model, texture_settings),
         brdf=brdf,
         sky=build_sky(scene.environment, brdf.model),

@@ -1,10 +1,10 @@
 """What a scene is, once read: plain data, whatever file it came from. Nothing here knows of Mitsuba or Dr.Jit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +31,12 @@ IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True, kw_only=True)
 class Slot:
-    """A texture in a material: index into SceneDescription.textures and the uv transform (rows of a 2x3 matrix)."""
+    """A texture in a material: index into SceneDescription.textures, the uv transform (rows of a 2x3 matrix), and the set of
+    the mesh's texture coordinates that it transforms: 0 is Mesh.uv, 1 is Mesh.uv2."""
 
     texture: int
     uv: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
+    uv_set: Literal[0, 1] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +45,11 @@ class Material:
 
     base_color, emission: linear Rec. 709, emission in radiance. roughness: perceptual. specular: F0 = 0.08 * specular.
     base_texture: RGB base colour, A opacity. surface_texture: R specular, G roughness, B metallic. normal_texture:
-    tangent-space normal, decoded to [-1, 1] by the texture's scale and bias. not_read: properties of the file that have
-    no counterpart here, named for `describe`.
+    tangent-space normal, decoded to [-1, 1] by the texture's scale and bias. vertex_colors: what the RGB of Mesh.colors
+    multiplies; its alpha multiplies the opacity. emits: from both sides of a surface or from its front alone. shines: in
+    `raster`, too, its emission lights other objects. bsdf: a BSDF without counterpart here, as a Mitsuba dictionary, which
+    `path` draws as it is and `raster` by the values above. Without base colour, metal and specular, a material reflects
+    nothing (an unlit one). not_read: properties of the file that have no counterpart here, named for `describe`.
     """
 
     name: str
@@ -61,6 +66,10 @@ class Material:
     surface_texture: Slot | None = None
     normal_texture: Slot | None = None
     emission_texture: Slot | None = None
+    vertex_colors: Literal["base_color", "emission"] = "base_color"
+    emits: Literal["both", "front"] = "both"
+    shines: bool = False
+    bsdf: Mapping[str, Any] | None = None
     not_read: tuple[str, ...] = ()
 
 
@@ -69,8 +78,10 @@ class Mesh:
     """Triangles in object space.
 
     positions: [V, 3] float32. faces: [T, 3] uint32, counter-clockwise from outside. normals: [V, 3] float32 or None for
-    flat shading. uv: [V, 2] float32 with v up, or None. deforms: its vertices move (skin, morph targets, point cache); it
-    then belongs to one object, and positions and normals are those at time 0.
+    flat shading. uv, uv2: [V, 2] float32 with v up, or None. colors: [V, 4] float32, linear Rec. 709 and opacity, or None.
+    tangents: [V, 4] float32, the unit direction of growing u and the sign of the bitangent cross(normal, tangent) w, towards
+    growing v (v up); None to take them from uv. deforms: its vertices move (skin, morph targets, point cache); it then
+    belongs to one object, positions and normals are those at time 0, and it has no tangents.
     """
 
     name: str
@@ -78,6 +89,9 @@ class Mesh:
     faces: NDArray[np.uint32]
     normals: NDArray[np.float32] | None = None
     uv: NDArray[np.float32] | None = None
+    uv2: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
+    tangents: NDArray[np.float32] | None = None
     deforms: bool = False
 
 
@@ -92,12 +106,13 @@ class Deformed:
 @dataclass(frozen=True, kw_only=True)
 class SceneObject:
     """A leaf instance: one mesh with one material. Its object_id is 1 + its index. moves: its transform, its vertices or its
-    visibility is animated."""
+    visibility is animated. double_sided: its back faces are drawn even where the plan culls back faces."""
 
     name: str
     mesh: int
     material: int
     moves: bool = False
+    double_sided: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +160,31 @@ class Environment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraView:
+    """What a scene's own camera sees at one time.
+
+    world_from_camera: [4, 4] rigid, x right, y up, looking along -z. fov_y: vertical, radians; height: of an orthographic
+    view instead, scene units. shift: of the image, fractions of the frame, x right, y down. near, far: scene units.
+    """
+
+    world_from_camera: NDArray[np.float64]
+    fov_y: float | None = None
+    height: float | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
+    near: float | None = None
+    far: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneCamera:
+    """A camera of the scene file. at: its view at a time in seconds. moves: whether the view changes."""
+
+    name: str
+    at: Callable[[float], CameraView]
+    moves: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class SceneDescription:
     """A whole scene.
 
@@ -152,7 +192,7 @@ class SceneDescription:
     vertices of every mesh that deforms, by mesh index; None where none does. visible: of the time to [objects] bool; None
     where all objects are always drawn. lights_at, materials_at: of the time to the lights and materials, in their order; None
     where none changes. Only a light's place, direction, extent and radiance may change, and a material's constants and uv
-    transforms. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
+    transforms. cameras: which a camera path may be made of. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
     what the file holds and we do not draw, each a sentence.
     """
 
@@ -171,6 +211,7 @@ class SceneDescription:
     visible: Callable[[float], NDArray[np.bool_]] | None = None
     lights_at: Callable[[float], tuple[Light, ...]] | None = None
     materials_at: Callable[[float], tuple[Material, ...]] | None = None
+    cameras: tuple[SceneCamera, ...] = ()
     animation_end_s: float = 0.0
     not_read: tuple[str, ...] = ()
 
@@ -187,6 +228,22 @@ class SceneDescription:
     @property
     def moves(self) -> bool:
         return any(item.moves for item in self.objects)
+
+
+def slots_of(material: Material) -> list[Slot]:
+    """The textures that a material reads."""
+    slots = (material.base_texture, material.surface_texture, material.normal_texture, material.emission_texture)
+    return [slot for slot in slots if slot is not None]
+
+
+def has_colors(scene: SceneDescription) -> bool:
+    """Whether any drawn mesh has vertex colours."""
+    return any(scene.meshes[item.mesh].colors is not None for item in scene.objects)
+
+
+def has_tangents(scene: SceneDescription) -> bool:
+    """Whether any drawn mesh has tangents of its own."""
+    return any(scene.meshes[item.mesh].tangents is not None for item in scene.objects)
 
 
 def scene_bounds(scene: SceneDescription, time_s: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -237,6 +294,13 @@ def validate_mesh(mesh: Mesh) -> str | None:
     """What is wrong with the mesh, or None."""
     if len(mesh.faces) and mesh.faces.max() >= len(mesh.positions):
         return f"face index {mesh.faces.max()} with only {len(mesh.positions)} points"
-    arrays = {"points": mesh.positions, "normals": mesh.normals, "texture coordinates": mesh.uv}
+    arrays = {
+        "points": mesh.positions,
+        "normals": mesh.normals,
+        "texture coordinates": mesh.uv,
+        "second texture coordinates": mesh.uv2,
+        "vertex colours": mesh.colors,
+        "tangents": mesh.tangents,
+    }
     bad = [what for what, array in arrays.items() if array is not None and not np.isfinite(array).all()]
     return f"{bad[0]} are not finite" if bad else None

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..camera_path import CameraSample
 from ..channels import channels_with, motion_name
-from ..plan import RenderPlan
-from .description import Material, SceneDescription
+from ..plan import RenderPlan, plan_streams
+from .description import Material, SceneDescription, Texture, slots_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,19 +50,61 @@ def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample], plan
     return needs
 
 
+def equal_streams(scene: SceneDescription, plan: RenderPlan) -> dict[str, str]:
+    """LR streams that differ from another one in mip bias alone, where there is no texture: name to the other's name."""
+    if any(slots_of(material) for material in _used(scene)):
+        return {}
+    streams = [stream for stream in plan_streams(plan) if stream.samples == 1]
+    unbiased = {(stream.size, stream.jittered): stream.name for stream in streams if stream.mip_bias == 0}
+    twins = {stream.name: unbiased.get((stream.size, stream.jittered)) for stream in streams if stream.mip_bias != 0}
+    return {name: twin for name, twin in twins.items() if twin is not None}
+
+
+def table_need(scene: SceneDescription) -> Need:
+    """Whether any surface has a specular lobe, which the table of A and B integrates."""
+    for material in _used(scene):
+        packed = material.surface_texture and scene.textures[material.surface_texture.texture]
+        specular, metallic = (value > 0 and _varies(packed, k) for k, value in ((0, material.specular), (2, material.metallic)))
+        if specular or metallic:
+            return Need(channel="brdf_table", needed=True, why=f"{material.name} is specular")
+    if scene.materials_at is not None:
+        return Need(channel="brdf_table", needed=True, why="materials change")
+    return Need(channel="brdf_table", needed=False, why="all surfaces are diffuse", constant=(0.0, 0.0))
+
+
+def _varies(packed: Texture | None, component: int) -> bool:
+    """Whether a surface texture leaves anything of a component."""
+    return packed is None or packed.scale[component] != 0 or packed.bias[component] != 0
+
+
+def _used(scene: SceneDescription) -> list[Material]:
+    return [scene.materials[index] for index in sorted({item.material for item in scene.objects})]
+
+
 def _material_needs(scene: SceneDescription, plan: RenderPlan) -> dict[str, Need]:
-    used = [scene.materials[index] for index in sorted({item.material for item in scene.objects})]
+    used = _used(scene)
     bumpy = [material.name for material in used if material.normal_texture is not None]
     roughness = _value_need("roughness", scene, used, lambda m: (m.roughness,), "surface_texture", (1,))
     if bumpy and plan.normal_variance and not roughness.needed:
         why = f"filtered normals roughen {bumpy[0]}"
         roughness = Need(channel="roughness", needed=True, why=why)
     return {
-        "albedo": _value_need("albedo", scene, used, lambda m: m.base_color, "base_texture", (0, 1, 2)),
+        "albedo": _colored_need(scene)
+        or _value_need("albedo", scene, used, lambda m: m.base_color, "base_texture", (0, 1, 2)),
         "specular": _value_need("specular", scene, used, lambda m: (m.specular,), "surface_texture", (0,)),
         "roughness": roughness,
         "metallic": _value_need("metallic", scene, used, lambda m: (m.metallic,), "surface_texture", (2,)),
     }
+
+
+def _colored_need(scene: SceneDescription) -> Need | None:
+    """Of albedo, where vertex colours that are not white multiply a base colour that is not black."""
+    for item in scene.objects:
+        material, colors = scene.materials[item.material], scene.meshes[item.mesh].colors
+        tints = material.vertex_colors == "base_color" and any(material.base_color)
+        if colors is not None and tints and (colors[:, :3] != 1).any():
+            return Need(channel="albedo", needed=True, why=f"vertex colours of {scene.meshes[item.mesh].name}")
+    return None
 
 
 def _value_need(channel: str, scene: SceneDescription, used: list[Material], value, slot: str, components) -> Need:
