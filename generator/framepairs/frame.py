@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera_path import CameraPath, CameraSample, frame_count, make_camera_path, sample
+from .camera_path import MOST_FRAMES, CameraPath, CameraSample, frame_count, make_camera_path, sample
 from .errors import InputError
-from .scene.description import Deformed, Light, Material, SceneDescription, rotation_from_y_up, scene_bounds
+from .scene.description import Deformed, Light, Material, SceneCamera, SceneDescription, rotation_from_y_up, scene_bounds
 from .transforms import Matrix, Vector, clip_from_view, look_at, orthographic_clip_from_view
 
 ORIGIN_CELL_M = 4096.0
@@ -194,6 +194,32 @@ def frame_states(shoot: Shoot, frames: Sequence[int]) -> Iterator[FrameState]:
     """States of `frames`; numbers past the end of the path raise InputError."""
     check_frames(frames, len(shoot))
     return (shoot.state(frame) for frame in frames)
+
+
+def path_of_camera(camera: SceneCamera, end_s: float, fps: float = 24, still_frames: int = 32) -> CameraPath:
+    """The path of a scene's own camera: a pose per frame up to `end_s` seconds, or `still_frames` frames where nothing moves.
+
+    Raises InputError for a camera that changes between a perspective and an orthographic view.
+    """
+    last = min(math.floor(end_s * fps + 1e-6), MOST_FRAMES - 1) if end_s > 0 else still_frames - 1
+    frames = range(last + 1) if camera.moves else (0, last)
+    views = [camera.at(frame / fps) for frame in frames]
+    first = views[0]
+    if len({view.height is None for view in views}) > 1:
+        raise InputError("changes between a perspective and an orthographic view", field=camera.name)
+    lens = "fov_y_deg" if first.height is None else "height"
+    poses = [
+        {
+            "time": frame / fps,
+            "world_from_camera": view.world_from_camera.tolist(),
+            lens: math.degrees(view.fov_y) if view.height is None else view.height,
+            "lens_shift": view.shift,
+        }
+        for frame, view in zip(frames, views, strict=True)
+    ]
+    kind = "perspective" if first.height is None else "orthographic"
+    values = {"version": 1, "fps": fps, "projection": kind, "near": first.near, "far": first.far, "poses": poses}
+    return make_camera_path(values, file=camera.name)
 
 
 def orbit(scene: SceneDescription, frames: int = 32, fps: float = 24, fov_y_deg: float = 45) -> CameraPath:

@@ -12,6 +12,7 @@ from .materials import (
     bumps_by_second,
     emitted,
     is_blended,
+    is_kept,
     is_opaque,
     opacity_of,
     surface_of,
@@ -109,6 +110,8 @@ def describe_hit(
     f0 = f0_of(surface.base_color, surface.metallic, surface.specular)
     a, b = look_up(brdf, dr.dot(normal, towards), surface.roughness, valid)
     f_beta = pre_integrated(surface.base_color, surface.metallic, f0, a, b)
+    if materials.keeps:
+        f_beta = dr.select(is_kept(materials, material, valid), 1, f_beta)
     return GBuffer(
         hit=hit,
         position=triangle.position,

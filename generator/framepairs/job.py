@@ -182,11 +182,17 @@ def _sequence_record(job: Job) -> SequenceRecord:
         objects=[item.name for item in job.scene.objects],
         moving=[index for index, item in enumerate(job.scene.objects, start=1) if item.moves],
         deforming=[index for index, item in enumerate(job.scene.objects, start=1) if job.scene.meshes[item.mesh].deforms],
+        not_demodulated=_not_demodulated(job),
         animation_clip=job.clip,
         channels=[channel.name for channel in job.channels],
         constants=constants,
         equal_streams=job.equal_streams,
     )
+
+
+def _not_demodulated(job: Job) -> list[int]:
+    kept = [job.scene.materials[item.material].bsdf is not None for item in job.scene.objects]
+    return [index for index, is_kept in enumerate(kept, start=1) if is_kept and job.plan.shading == "path"]
 
 
 def _can_be_filled(job: Job, need: Need, written: set[str]) -> bool:

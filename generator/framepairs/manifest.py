@@ -111,6 +111,9 @@ class SequenceRecord(_Model):
     objects: list[str] = Field(description="names; object_id is 1 + index")
     moving: list[int] = Field(description="object_id of every object that is animated")
     deforming: list[int] = Field([], description="object_id of every object whose vertices move")
+    not_demodulated: list[int] = Field(
+        [], description="object_id of every object whose F_beta is 1, because Mitsuba's own BSDF draws it (path)"
+    )
     animation_clip: str | None = Field(None, description="the clip that was asked for, of files that hold several")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")

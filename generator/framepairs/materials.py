@@ -13,7 +13,7 @@ from .textures import TextureSettings, TextureTable, build_textures, sample_norm
 
 SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
 # Floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, whether vertex colours
-# multiply the emission, whether it emits from the front alone, 2 free.
+# multiply the emission, whether it emits from the front alone, whether Mitsuba draws it, 1 free.
 CONSTANTS = 16
 ALPHA_CODE = {"opaque": 0, "mask": 1, "blend": 2}
 NO_TEXTURE = 0xFFFFFFFF
@@ -23,7 +23,8 @@ NO_TEXTURE = 0xFFFFFFFF
 class MaterialTable:
     """constants: [16 M]. alpha: [M] code. slots: [4 M] texture indices. sets: [4 M] of texture coordinates, 0 or 1. uv:
     [24 M], a 2x3 matrix per slot. used: the slots that any material fills. masks, blends, moves_uv (has a uv transform),
-    has_fronts (emits from its front alone): whether any material does. model: what roughness means. normal_variance:
+    has_fronts (emits from its front alone): whether any material does. keeps: whether any is drawn by the BSDF of its
+    file, which sees through itself, is met whole and has no F_beta of ours. model: what roughness means. normal_variance:
     whether what filtered normal maps lost becomes roughness."""
 
     constants: mi.Float
@@ -37,6 +38,7 @@ class MaterialTable:
     blends: bool
     moves_uv: bool
     has_fronts: bool
+    keeps: bool
     model: BrdfModel
     normal_variance: bool
 
@@ -67,15 +69,20 @@ class Surface:
 
 
 def build_materials(
-    scene: SceneDescription, model: BrdfModel | None = None, settings: TextureSettings | None = None
+    scene: SceneDescription,
+    model: BrdfModel | None = None,
+    settings: TextureSettings | None = None,
+    keep_bsdfs: bool = False,
 ) -> MaterialTable:
-    """The scene's materials, and a pyramid for each of their textures in each role that it plays."""
+    """The scene's materials, and a pyramid for each of their textures in each role that it plays. keep_bsdfs: those that
+    have a BSDF of their own are drawn by it."""
     model, settings = model or BrdfModel(), settings or TextureSettings()
     materials = scene.materials or (Material(name="default"),)
     slots = [[getattr(material, name) for name in SLOTS] for material in materials]
+    keeps = keep_bsdfs and any(material.bsdf is not None for material in materials)
     indices, pairs = _pyramids(scene, materials, settings)
     return MaterialTable(
-        constants=_all_constants(materials),
+        constants=_all_constants(materials, keeps),
         alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
         slots=mi.UInt32(np.array(indices, dtype=np.uint32)),
         sets=mi.UInt32(np.array([0 if slot is None else slot.uv_set for row in slots for slot in row], dtype=np.uint32)),
@@ -86,6 +93,7 @@ def build_materials(
         blends=any(material.alpha == "blend" for material in materials),
         moves_uv=scene.materials_at is not None
         or any(slot is not None and slot.uv != IDENTITY_UV for row in slots for slot in row),
+        keeps=keeps,
         has_fronts=any(material.emits == "front" for material in materials),
         model=model,
         normal_variance=settings.normal_variance,
@@ -94,7 +102,7 @@ def build_materials(
 
 def with_values(table: MaterialTable, materials: tuple[Material, ...]) -> MaterialTable:
     """The table with the constants and uv transforms of `materials`, which are otherwise those that it was built from."""
-    return replace(table, constants=_all_constants(materials), uv=_all_uv(materials))
+    return replace(table, constants=_all_constants(materials, table.keeps), uv=_all_uv(materials))
 
 
 def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> mi.Float:
@@ -107,6 +115,11 @@ def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
     masked = dr.select(value >= cutoff, mi.Float(1), mi.Float(0))
     value = dr.select(alpha == ALPHA_CODE["mask"], masked, dr.clip(value, 0, 1))
     return dr.select(alpha == ALPHA_CODE["opaque"], 1, value)
+
+
+def is_kept(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
+    """Whether the material is drawn by the BSDF of its file."""
+    return dr.gather(mi.Float, table.constants, material * CONSTANTS + 14, active) > 0
 
 
 def bumps_by_second(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
@@ -248,8 +261,8 @@ def _role(material: Material, slot: str, settings: TextureSettings) -> Role:
     return Role("mask", material.alpha_cutoff / material.opacity) if masked else COLOR
 
 
-def _all_constants(materials: tuple[Material, ...]) -> mi.Float:
-    return mi.Float(np.array([_constants(material) for material in materials], dtype=np.float32).ravel())
+def _all_constants(materials: tuple[Material, ...], keeps: bool) -> mi.Float:
+    return mi.Float(np.array([_constants(material, keeps) for material in materials], dtype=np.float32).ravel())
 
 
 def _all_uv(materials: tuple[Material, ...]) -> mi.Float:
@@ -257,8 +270,9 @@ def _all_uv(materials: tuple[Material, ...]) -> mi.Float:
     return mi.Float(np.array([[slot.uv for slot in row] for row in slots], dtype=np.float32).ravel())
 
 
-def _constants(material: Material) -> list[float]:
-    values = [*material.base_color, material.opacity, material.specular, material.roughness, material.metallic]
+def _constants(material: Material, keeps: bool) -> list[float]:
+    kept = keeps and material.bsdf is not None
+    values = [*material.base_color, 1.0 if kept else material.opacity, material.specular, material.roughness, material.metallic]
     values += [material.alpha_cutoff, *material.emission, material.normal_scale]
-    values += [float(material.vertex_colors == "emission"), float(material.emits == "front")]
+    values += [float(material.vertex_colors == "emission"), float(material.emits == "front"), float(kept)]
     return values + [0.0] * (CONSTANTS - len(values))

@@ -7,11 +7,12 @@ and read their finest texels. A blended surface is met, or stops a ray to a ligh
 from dataclasses import dataclass
 
 from .backend import dr, mi
-from .brdf import density, evaluate
+from .brdf import density, evaluate, sample
 from .conventions import BrdfModel
 from .environment import sample_sky, sky_along
 from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, first_solid, footprint_of
 from .geometry import Pose
+from .kept_bsdfs import KeptPoint, evaluate_kept, kept_point, sample_kept
 from .lights import FAR, SHORT_OF_LIGHT, Lights, choose_light, light_along, sample_light
 from .materials import is_blended, opacity_of
 from .mesh_lights import mesh_light_density
@@ -44,10 +45,12 @@ class Point:
     roughness: mi.Float
     f0: mi.Color3f
     distance: mi.Float
+    kept: KeptPoint | None
 
 
-def point_of(sample: GBuffer, distance: mi.Float) -> Point:
-    surface = sample.surface
+def point_of(world: World, sample: GBuffer, distance: mi.Float) -> Point:
+    surface, shading = sample.surface, world.shading
+    kept = None if shading.kept is None else kept_point(shading.kept, shading.geometry, world.pose, sample.hit)
     return Point(
         position=mi.Point3f(sample.position),
         geometric=mi.Vector3f(sample.geometric),
@@ -58,19 +61,45 @@ def point_of(sample: GBuffer, distance: mi.Float) -> Point:
         roughness=mi.Float(surface.roughness),
         f0=mi.Color3f(sample.f0),
         distance=mi.Float(distance),
+        kept=kept,
     )
 
 
-def evaluate_at(model: BrdfModel, point: Point, towards: mi.Vector3f) -> mi.Color3f:
-    return evaluate(
-        model, point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, towards
-    )
+def reflected_at(
+    model: BrdfModel, point: Point, towards: mi.Vector3f, active: mi.Bool
+) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
+    """(BSDF times the cosine [3], density of `drawn_at`, whether the surface passes light that way at all)."""
+    values = point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, towards
+    value, chance, open_ = evaluate(model, *values), density(model, *values), is_above(point, towards)
+    if point.kept is not None:
+        kept, (theirs, likely) = point.kept.number != 0, evaluate_kept(point.kept, point.view, towards, active)
+        value, chance, open_ = dr.select(kept, theirs, value), dr.select(kept, likely, chance), open_ | kept
+    return value, chance, open_
 
 
-def density_at(model: BrdfModel, point: Point, towards: mi.Vector3f) -> mi.Float:
-    return density(
-        model, point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, towards
+def drawn_at(
+    model: BrdfModel, point: Point, choice: mi.Float, place: mi.Point2f, active: mi.Bool
+) -> tuple[mi.Vector3f, mi.Color3f, mi.Float]:
+    """(direction of light, BSDF times the cosine over the density [3], the density); 0 where the path ends."""
+    towards = sample(
+        model, point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, choice, place
     )
+    value, chance, is_open = reflected_at(model, point, towards, active)
+    chance = dr.select(is_open, chance, 0)
+    weight = value / dr.maximum(chance, 1e-30)
+    if point.kept is not None:
+        kept, (theirs, share, likely) = point.kept.number != 0, sample_kept(point.kept, point.view, choice, place, active)
+        towards, weight = dr.select(kept, theirs, towards), dr.select(kept, share, weight)
+        chance = dr.select(kept, likely, chance)
+    return towards, dr.select(active & (chance > 0), weight, 0), dr.select(active, chance, 0)
+
+
+def leaving(point: Point, towards: mi.Vector3f) -> mi.Ray3f:
+    """The ray from a surface, on the side to which it goes."""
+    geometric = point.geometric
+    if point.kept is not None:
+        geometric = geometric * dr.select(dr.dot(geometric, towards) < 0, -1, mi.Float(1))
+    return lifted(point.position, geometric, towards, point.distance)
 
 
 @dr.syntax
@@ -91,13 +120,13 @@ def from_lights(world: World, point: Point, rng: mi.PCG32, active: mi.Bool) -> m
         towards, distance = dr.select(is_light, drawn.towards, towards), dr.select(is_light, drawn.distance, distance)
         radiance, chance = dr.select(is_light, drawn.radiance, radiance), dr.select(is_light, drawn.density, chance)
         extent = dr.select(is_light, drawn.extent, True)
-    lit = active & (chance > 0) & is_above(point, towards)
+    reflected, likely, is_open = reflected_at(shading.brdf.model, point, towards, active)
+    lit = active & (chance > 0) & is_open
     chance *= share
-    model = shading.brdf.model
-    rival = dr.select(extent, density_at(model, point, towards), 0)
-    ray = lifted(point.position, point.geometric, towards, point.distance)
+    rival = dr.select(extent, likely, 0)
+    ray = leaving(point, towards)
     ray.maxt = distance * SHORT_OF_LIGHT
-    value = evaluate_at(model, point, towards) * radiance / dr.maximum(chance + rival, 1e-30)
+    value = reflected * radiance / dr.maximum(chance + rival, 1e-30)
     return dr.select(lit, value * _passes(world, ray, rng, lit), 0)
 
 

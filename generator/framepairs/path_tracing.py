@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backend import dr, mi, opaque
-from .brdf import sample
 from .conventions import Stream
 from .environment import sky_radiance
 from .gbuffer import GBuffer, Pixel, camera_ray, describe_hit, gbuffer
@@ -21,16 +20,16 @@ from .jitter import antialiasing_positions
 from .lights import Lights
 from .path_steps import (
     World,
-    density_at,
-    evaluate_at,
+    drawn_at,
     from_lights,
+    leaving,
     met_light,
     next_surface,
     point_of,
 )
 from .plan import RenderPlan
 from .projection import View
-from .shading import Shading, is_above, lifted
+from .shading import Shading
 
 SURE_DEPTH = 5  # edges before Russian roulette begins
 
@@ -152,7 +151,7 @@ def _one_path(world: World, view: View, first: GBuffer, ray: mi.Ray3f, rng: mi.P
         sky = sky_radiance(shading.sky, ray.d, pixel.ddx, pixel.ddy, ~first.hit.valid)
         light = dr.select(start.hit.valid, start.surface.emission, sky)
         light -= dr.select(first.hit.valid, first.surface.emission, sky)
-    point = point_of(start, dr.select(start.hit.valid, start.depth, 0))
+    point = point_of(world, start, dr.select(start.hit.valid, start.depth, 0))
     throughput, depth = mi.Color3f(1), mi.UInt32(1)
     active = mi.Bool(start.hit.valid)
     while dr.hint(
@@ -161,18 +160,15 @@ def _one_path(world: World, view: View, first: GBuffer, ray: mi.Ray3f, rng: mi.P
         light += throughput * from_lights(world, point, rng, active)
         chosen = mi.Float(rng.next_float32())
         drawn = mi.Point2f(rng.next_float32(), rng.next_float32())
-        towards = sample(
-            model, point.base_color, point.metallic, point.roughness, point.f0, point.normal, point.view, chosen, drawn
-        )
-        chance = density_at(model, point, towards)
-        active &= (chance > 0) & is_above(point, towards)
-        throughput *= dr.select(active, evaluate_at(model, point, towards) / dr.maximum(chance, 1e-30), 0)
-        onward = lifted(point.position, point.geometric, towards, point.distance)
+        towards, weight, chance = drawn_at(model, point, chosen, drawn, active)
+        active &= chance > 0
+        throughput *= weight
+        onward = leaving(point, towards)
         hit, distance = next_surface(shading, pose, onward, None, mi.Float(0), rng, active)
         following = describe_hit(shading.geometry, shading.materials, shading.brdf, pose, view, onward, hit, None)
         light += throughput * met_light(world, onward, hit, distance, following.surface.emission, chance, active)
         active &= hit.valid
-        point = point_of(following, dr.maximum(point.distance, dr.select(active, distance, 0)))
+        point = point_of(world, following, dr.maximum(point.distance, dr.select(active, distance, 0)))
         depth += 1
         survival = dr.select(depth > SURE_DEPTH, dr.clip(dr.max(throughput), 0.05, 0.95), 1)
         active &= (rng.next_float32() < survival) & (dr.max(throughput) > 0)

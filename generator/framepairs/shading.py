@@ -10,6 +10,7 @@ from .environment import Sky, build_sky
 from .gbuffer import GBuffer, first_solid
 from .geometry import Geometry, Pose
 from .jitter import antialiasing_positions
+from .kept_bsdfs import KeptBsdfs, build_kept
 from .materials import MaterialTable, build_materials
 from .mesh_lights import MeshLights, build_mesh_lights
 from .plan import RenderPlan
@@ -37,13 +38,15 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Shading:
-    """Everything that decides colour. occlusion_radius: scene units; occludes: whether ambient light is occluded at all."""
+    """Everything that decides colour. kept: BSDFs of the file, in `path` alone. occlusion_radius: scene units; occludes:
+    whether ambient light is occluded at all."""
 
     geometry: Geometry
     materials: MaterialTable
     brdf: Brdf
     sky: Sky
     mesh_lights: MeshLights
+    kept: KeptBsdfs | None
     pattern: Pattern
     occlusion_radius: mi.Float
     occludes: bool
@@ -52,13 +55,15 @@ class Shading:
 def build_shading(scene: SceneDescription, plan: RenderPlan, brdf: Brdf) -> Shading:
     """`scene` must have an environment."""
     meshes = build_mesh_lights(scene, plan.mesh_lights or plan.shading == "path")
+    traces = plan.shading == "path"
     texture_settings = TextureSettings(plan.anisotropy, plan.normal_variance, plan.mask_coverage)
     return Shading(
         geometry=Geometry(scene, plan.cull_back_faces),
-        materials=build_materials(scene, brdf.model, texture_settings),
+        materials=build_materials(scene, brdf.model, texture_settings, keep_bsdfs=traces),
         brdf=brdf,
         sky=build_sky(scene.environment, brdf.model),
         mesh_lights=meshes,
+        kept=build_kept(scene) if traces else None,
         pattern=_pattern(scene, meshes, plan),
         occlusion_radius=dr.opaque(mi.Float, plan.ambient_occlusion_radius_m / scene.metres_per_unit),
         occludes=plan.ambient_occlusion > 0,
