@@ -193,7 +193,7 @@ def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
     if following is not None and following.time > leaves and time > leaves + slack:
         t = min(max((time - leaves) / (following.time - leaves), 0.0), 1.0)
     lenses = [_lens(path, s) for s in (stop, following or stop)]
-    fov_y, height, *shift = ((1 - t) * a + t * b for a, b in zip(*lenses, strict=True))
+    fov_y, height, *shift = (a + t * (b - a) for a, b in zip(*lenses, strict=True))
     up = np.array(path.up, dtype=float) if path.up else scene_up
     if isinstance(stop, Pose):
         matrix = _between_poses(stop, following or stop, t)
@@ -222,7 +222,7 @@ def _slack(time: float) -> float:
 
 def _between_poses(a: Pose, b: Pose, t: float) -> Matrix:
     first, second = np.array(a.world_from_camera), np.array(b.world_from_camera)
-    if t == 0:
+    if t == 0 or np.array_equal(first, second):  # a camera that stands still does so to the last bit
         return first
     quaternions = [quaternion_from_rotation(matrix[:3, :3]) for matrix in (first, second)]
     rotation = rotation_from_quaternion(slerp(*quaternions, t))
