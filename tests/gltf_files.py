@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from framepairs.scene.gltf import load_gltf
+from framepairs.scene import load_scene
 
 COMPONENT_TYPES = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -82,7 +82,7 @@ class GltfFile:
         return file
 
     def load(self, folder, clip=None):
-        return load_gltf(self.save(folder), clip)
+        return load_scene(self.save(folder), clip)
 
 
 def moved(x, y, z):

@@ -11,12 +11,15 @@ from framepairs.camera_path import Keyframe, Pose
 from framepairs.channels import CHANNEL, CHANNELS
 from framepairs.cli import app
 from framepairs.manifest import CameraRecord, Constant, FileRecord, FrameEntry, SequenceRecord, StreamRecord, TableRecord
+from framepairs.overlay_elements import Background, Element, Outline
+from framepairs.scene import animation
 from framepairs.schemas import MODELS, schema_of
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 FILES = (ROOT / "docs" / "files.md").read_text()
 NESTED = (Keyframe, Pose, SequenceRecord, Constant, TableRecord, FrameEntry, CameraRecord, StreamRecord, FileRecord)
+NESTED += (Element, Outline, Background, animation.Keyframe, animation.ObjectTrack, animation.Shown, animation.Track)
 
 
 def first_columns(text: str) -> list[str]:

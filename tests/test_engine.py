@@ -29,7 +29,7 @@ def test_no_kernel_is_compiled_after_the_second_frame():
 def test_passes_that_no_channel_asks_for_do_not_run():
     stage = Stage(make_scene((quad(4, 4), GRAY, at(0, 0, -2))), path_of(np.eye(4), at(0.1, 0, 0)))
     stage.arrays(1, "hr", frozenset({"depth"}))
-    assert stage.engine.passes == {"brdf_table": 1, "gbuffer": 1, "motion": 0, "dual_motion": 0, "radiance": 0, "path": 0}
+    assert stage.engine.passes == {**dict.fromkeys(stage.engine.passes, 0), "brdf_table": 1, "gbuffer": 1}
     stage.arrays(1, "hr", frozenset({"motion"}))
     assert (stage.engine.passes["motion"], stage.engine.passes["dual_motion"]) == (1, 0)
     stage.arrays(1, "hr", ALL)

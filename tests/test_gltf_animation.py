@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from framepairs.errors import InputError
 from framepairs.scene import load_scene
 from framepairs.scene.description import scene_bounds
-from framepairs.scene.gltf import load_gltf
 from gltf_files import CORNERS, GltfFile, moved, turned_about_z, world_vertices
 from usd_stages import image
 
@@ -393,7 +392,7 @@ ABSENT = object()
         ({"animations.0.channels": [CHANNEL, CHANNEL]}, "two channels move the rotation of node 2"),
         ({"accessors.0.count": 99}, r"accessors\[0\]: needs 1188 bytes of a buffer view of 48"),
         ({"accessors.0.componentType": 5124}, "component type 5124"),
-        ({"accessors.0.count": 10**12}, "elements are more than"),
+        ({"accessors.0.count": 10**12}, r"accessors\[0\]: needs 1\d+ bytes of a buffer view of 48"),
         ({"bufferViews.0.byteLength": 10**6}, "buffer view 0 ends at byte 1000000"),
         ({"accessors.6": ABSENT}, "names 6 of accessors, there are 6"),
         ({"asset.version": "1.0"}, "asset.version: glTF 1.0: only 2 is read"),
@@ -449,7 +448,7 @@ def test_a_wrong_value_anywhere_gives_a_scene_or_one_input_error(tmp_path, wrong
     file.json["scenes"], file.json["scene"] = [{"nodes": [0, 1]}], 0
     file.json["meshes"][0]["primitives"][0]["material"] = 0
     written = file.save(tmp_path)
-    assert len(load_gltf(written).textures) == 1
+    assert len(load_scene(written).textures) == 1
     whole = json.loads(written.read_text())
     for path in list(paths_in(whole)):
         changed = json.loads(json.dumps(whole))
@@ -459,7 +458,7 @@ def test_a_wrong_value_anywhere_gives_a_scene_or_one_input_error(tmp_path, wrong
         inner[path[-1]] = wrong
         written.write_text(json.dumps(changed))
         try:
-            scene = load_gltf(written)
+            scene = load_scene(written)
         except InputError as error:
             assert str(error).startswith(f"{written}"), path
         else:
@@ -523,7 +522,7 @@ def plain_matrices(document, array, clip, t):
 @pytest.mark.parametrize("clip", ["Survey", "Walk", "Run"])
 def test_the_fox_against_a_plain_evaluation(assets, clip):
     file = assets / "Fox" / "Fox.glb"
-    scene = load_gltf(file, clip)
+    scene = load_scene(file, clip)
     document, array = opened(file)
     number = [item["name"] for item in document["animations"]].index(clip)
     attributes, skin = document["meshes"][0]["primitives"][0]["attributes"], document["skins"][0]

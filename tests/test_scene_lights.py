@@ -11,9 +11,11 @@ from pxr import Sdf, UsdUtils
 
 from framepairs.errors import InputError
 from framepairs.scene import light_scene, load_scene, scene_hash
-from framepairs.scene.description import default_environment, rotation_from_y_up, scene_bounds
+from framepairs.scene.default_sky import default_environment
+from framepairs.scene.description import rotation_from_y_up, scene_bounds
 from framepairs.scene.images import decode_image
-from usd_stages import QUAD, image, load, placed, prim, usd
+from framepairs.scene.usd_light_meshes import TUBE_ERROR, tube
+from usd_stages import BINDING, POINTS, QUAD, image, load, placed, prim, usd
 
 ROUNDING = 32 * np.finfo(np.float64).eps
 SKY = "asset inputs:texture:file = @sky.png@"
@@ -205,7 +207,15 @@ SHADOW = 'apiSchemas = ["ShadowAPI"]'
         ("DiskLight", ("uniform bool collection:shadowLink:includeRoot = 0",), "", "shadow linking of /l"),
         ("SphereLight", ("float intensity = 3",), "", "attributes without `inputs:`, as before USD 21.02, of /l"),
         ("RectLight", ("float inputs:width = 0",), "", "RectLight /l: it has no area"),
-        ("CylinderLight", (), "", "CylinderLight /l"),
+        ("CylinderLight", ("float inputs:radius = 0",), "", "CylinderLight /l: it has no area"),
+        (
+            "CylinderLight",
+            ("float inputs:radius.timeSamples = { 0: 1, 9: 2 }",),
+            "",
+            "animation of inputs:radius of /l: it stays as it begins",
+        ),
+        ("CylinderLight", ("rel light:filters = </f>",), "", "light filters of /l"),
+        ("PortalLight", (), "", "PortalLight /l"),
     ],
 )
 def test_what_a_light_does_not_do_is_named(tmp_path, kind, lines, metadata, says):
@@ -306,10 +316,143 @@ def test_lights_that_stay_have_no_function_of_time(tmp_path):
     assert load(tmp_path, SUN, prim("DomeLight", "sky", RAMP)).lights_at is None
 
 
-def test_the_light_of_a_mesh_is_named(tmp_path):
-    flat = 'uniform token subdivisionScheme = "none"'
-    scene = load(tmp_path, prim("Mesh", "m", QUAD, flat, metadata='apiSchemas = ["MeshLightAPI"]'))
-    assert len(scene.objects) == 1 and scene.not_read == ("light of mesh /m: it is drawn without shining",)
+TUBE = "float inputs:radius = 0.25", "float inputs:length = 3", "float inputs:intensity = 8", "color3f inputs:color = (1, 2, 4)"
+
+
+def shine_of(scene, time_s=None):
+    """Emission of the one object, now or at a time."""
+    materials = scene.materials if time_s is None else scene.materials_at(time_s)
+    return materials[scene.objects[0].material].emission
+
+
+@pytest.mark.parametrize("normalize", [0, 1])
+def test_a_cylinder_light_is_a_shining_open_tube_along_x(tmp_path, normalize):
+    scaled = placed("double3 xformOp:scale", "(2, 2, 2)")
+    scene = load(tmp_path, prim("CylinderLight", "tube", *TUBE, f"bool inputs:normalize = {normalize}", *scaled))
+    (item,), (mesh,) = scene.objects, scene.meshes
+    material = scene.materials[item.material]
+    assert (item.name, material.shines, material.emits, scene.lights, scene.not_read) == ("/tube", True, "front", (), ())
+    assert (material.base_color, material.specular, material.metallic) == ((0, 0, 0), 0, 0)  # it reflects nothing
+    area = 2 * math.pi * 0.5 * 6  # in the world: without the ends
+    np.testing.assert_allclose(material.emission, np.array([8, 16, 32]) / (area if normalize else 1), rtol=1e-6)  # float32 r
+    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+    np.testing.assert_array_equal([low[0], high[0]], [-1.5, 1.5])
+    corners = mesh.positions[mesh.faces].astype(float)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    assert np.linalg.norm(across, axis=1).sum() == pytest.approx(area / 4, rel=1e-6)  # float32 corners
+    outwards = corners.mean(axis=1) * (0, 1, 1)
+    assert (np.einsum("ij,ij->i", across, outwards) > 0).all()  # its front looks outwards
+    radii = np.linalg.norm(mesh.positions[:, 1:], axis=1, keepdims=True)
+    np.testing.assert_allclose(mesh.normals, mesh.positions * (0, 1, 1) / radii, atol=4 * SINGLE)
+
+
+def test_a_tube_is_as_wide_as_its_cylinder_from_every_side():
+    mesh = tube("t", 0.5, 2.0)
+    angle = np.radians(np.linspace(0, 90, 91))
+    across = mesh.positions[:, 1:] @ np.stack([np.cos(angle), np.sin(angle)])
+    np.testing.assert_allclose(np.ptp(across, axis=0), 1, rtol=TUBE_ERROR)
+    assert abs(np.ptp(across, axis=0) - 1).max() > TUBE_ERROR / 4  # the bound is not idle
+
+
+def test_a_cylinder_light_moves_hides_and_ramps(tmp_path):
+    hidden = 'token visibility.timeSamples = { 0: "inherited", 24: "invisible" }'
+    scene = load(tmp_path, prim("Xform", "x", SLIDE, TRANSLATED, prim("CylinderLight", "l", RAMP, hidden)))
+    assert scene.objects[0].moves and scene.world_from_object(0.5)[0, 0, 3] == 5
+    assert [scene.visible(time_s)[0] for time_s in (0, 1)] == [True, False]
+    assert [shine_of(scene, time_s)[0] for time_s in (0, 1, 1.5, 2)] == [3, 3, 6, 9]
+
+
+def test_a_normalized_cylinder_that_grows_keeps_its_power(tmp_path):
+    grows = "double3 xformOp:scale.timeSamples = { 0: (1, 1, 1), 24: (3, 3, 3) }", "bool inputs:normalize = 1"
+    scene = load(tmp_path, prim("CylinderLight", "l", *grows, 'uniform token[] xformOpOrder = ["xformOp:scale"]'))
+    assert shine_of(scene, 0)[0] / shine_of(scene, 1)[0] == pytest.approx(9, rel=1e-9)
+
+
+MESH_LIGHT = 'apiSchemas = ["MeshLightAPI", "MaterialBindingAPI"]'
+FLAT = QUAD, 'uniform token subdivisionScheme = "none"', "float inputs:intensity = 6", "color3f inputs:color = (1, 0.5, 0)"
+GLOW = "color3f inputs:emissiveColor = (2, 2, 2)"
+
+
+def glowing(*lines):
+    """A material M with a preview surface of `lines`, and how a mesh is bound to it."""
+    surface = prim("Shader", "S", 'uniform token info:id = "UsdPreviewSurface"', *lines, "token outputs:surface")
+    return prim(
+        "Material", "M", "token outputs:surface.connect = </M/S.outputs:surface>", surface
+    ), "rel material:binding = </M>"
+
+
+@pytest.mark.parametrize(
+    ("mode", "lines", "emission", "says"),
+    [
+        ("materialGlowTintsLight", (GLOW,), (12, 6, 0), ("glow of light /m for the camera: it is tinted as its light is",)),
+        ("materialGlowTintsLight", (), (6, 3, 0), ()),
+        ("independent", (GLOW,), (6, 3, 0), ()),
+        ("noMaterialResponse", (GLOW,), (6, 3, 0), ()),
+    ],
+)
+def test_a_mesh_light_shines_as_its_material_lets_it(tmp_path, mode, lines, emission, says):
+    material, binding = glowing(*lines, "float inputs:roughness = 0.25")
+    sync = f'uniform token light:materialSyncMode = "{mode}"'
+    scene = load(tmp_path, material, prim("Mesh", "m", *FLAT, sync, binding, metadata=MESH_LIGHT))
+    found = scene.materials[scene.objects[0].material]
+    assert (found.emission, found.shines, found.emits, scene.not_read) == (emission, True, "front", says)
+    assert (found.roughness, found.base_color == (0, 0, 0)) == ((0.5, True) if mode == "noMaterialResponse" else (0.25, False))
+    assert not any(item.shines for item in scene.materials if item is not found)
+
+
+def test_a_mesh_light_without_material_shines_to_both_sides_where_it_is_double_sided(tmp_path):
+    scene = load(tmp_path, prim("Mesh", "m", *FLAT, "bool doubleSided = 1", metadata='apiSchemas = ["MeshLightAPI"]'))
+    assert shine_of(scene) == (6, 3, 0) and scene.materials[scene.objects[0].material].emits == "both"
+
+
+def test_a_mesh_light_is_normalized_by_its_area_in_the_world(tmp_path):
+    lines = (*FLAT, "bool inputs:normalize = 1", *placed("double3 xformOp:scale", "(3, 1, 1)"))
+    scene = load(tmp_path, prim("Mesh", "m", *lines, metadata=MESH_LIGHT))
+    assert shine_of(scene) == (1, 0.5, 0)  # 2 x 1 in its own space, 6 in the world
+
+
+def test_subsets_of_a_mesh_light_share_its_power_and_keep_their_materials(tmp_path):
+    two = "int[] faceVertexCounts = [3, 3]", "int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]", POINTS
+    face = 'uniform token elementType = "face"', 'uniform token familyName = "materialBind"', "int[] indices = [1]"
+    part = prim("GeomSubset", "part", *face, "rel material:binding = </M>", metadata=BINDING)
+    material, _ = glowing(GLOW)
+    lines = 'uniform token subdivisionScheme = "none"', "float inputs:intensity = 6", "bool inputs:normalize = 1"
+    scene = load(tmp_path, material, prim("Mesh", "m", *two, *lines, part, metadata=MESH_LIGHT))
+    emissions = sorted(scene.materials[item.material].emission[0] for item in scene.objects)
+    assert emissions == [3, 6]  # 6 over an area of 2, and twice that where the material glows with 2
+
+
+def test_a_mesh_light_ramps_with_the_glow_of_its_material(tmp_path):
+    material, binding = glowing("color3f inputs:emissiveColor.timeSamples = { 0: (0, 0, 0), 48: (2, 2, 2) }")
+    scene = load(tmp_path, material, prim("Mesh", "m", QUAD, FLAT[1], RAMP, binding, metadata=MESH_LIGHT))
+    assert [shine_of(scene, time_s)[0] for time_s in (0, 1, 2)] == [0, 3, 18]
+
+
+def test_mesh_lights_in_prototypes_shine_and_are_named_where_normalized(tmp_path):
+    lamp = prim("Mesh", "lamp", *FLAT, "bool inputs:normalize = 1", metadata=MESH_LIGHT)
+    lines = "point3f[] positions = [(0, 0, 0), (9, 0, 0)]", "int[] protoIndices = [0, 0]", "rel prototypes = </p/lamp>", lamp
+    scene = load(tmp_path, prim("PointInstancer", "p", *lines))
+    assert [scene.materials[item.material].emission for item in scene.objects] == [(3, 1.5, 0)] * 2
+    assert scene.not_read == ("normalize of light /p/lamp: by its area in its prototype",)
+
+
+@pytest.mark.parametrize("kind", ["Mesh", "CylinderLight"])
+def test_drawn_lights_that_are_not_finite_are_named(tmp_path, kind):
+    file = usd(tmp_path, prim(kind, "l", *(FLAT[:2] if kind == "Mesh" else ()), "float inputs:intensity = inf",
+                              metadata=MESH_LIGHT if kind == "Mesh" else ""))  # fmt: skip
+    with pytest.raises(InputError, match=f"^{file}, /l: light with a number that is not finite"):
+        load_scene(file)
+
+
+def test_a_dome_texture_outside_the_folder_is_not_opened(tmp_path):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "sky.png").write_text("never read")
+    file = usd(inner, prim("DomeLight", "sky", "asset inputs:texture:file = @../sky.png@"))
+    with pytest.raises(InputError, match=r"^.*, /sky: .*sky.png lies outside the scene's folder \(--allow-outside reads it\)$"):
+        load_scene(file)
+    image(tmp_path / "sky.png")
+    assert load_scene(file, allow_outside=True).environment.texels.shape == (5, 7, 3)
 
 
 @pytest.mark.parametrize("line", ["float inputs:intensity = nan", "float inputs:exposure = inf"])

@@ -1,13 +1,17 @@
 """UsdPreviewSurface: constants, textures and how they are packed, transforms of uv, and what is missing."""
 
+import struct
+import zipfile
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from framepairs.errors import InputError
-from framepairs.scene import load_scene, scene_hash
+from framepairs.scene import load_scene, scene_hash, usd_textures
 from framepairs.scene.description import Texture
 from framepairs.scene.images import decode_image, linear_texels, pack_channels
+from framepairs.scene.usd_materials import MaterialReader
 from usd_stages import BINDING, QUAD, image, prim, usd
 
 # USD's numbers are float32.
@@ -399,6 +403,241 @@ def test_a_second_set_of_uv_and_a_second_transform_are_named(tmp_path):
         "wrap mode black of opacity: it is read with clamp",
         "transform of uv or wrap mode of opacity: those of diffuseColor are used",
     )
+
+
+def by_primvar(name, primvar, source="R"):
+    """A sampler of t.png with the coordinates of a primvar, and its reader."""
+    reader = shader(f"{source}{name}", "UsdPrimvarReader_float2", f'string inputs:varname = "{primvar}"')
+    return sampler(name, f"float2 inputs:st.connect = </M/{source}{name}.outputs:result>"), reader
+
+
+def test_textures_of_two_primvars_read_two_sets_of_uv(tmp_path):
+    image(tmp_path / "t.png")
+    keys = (
+        ("color3f", "diffuseColor", "A.outputs:rgb"),
+        ("float", "roughness", "B.outputs:g"),
+        ("float", "metallic", "B.outputs:b"),
+    )
+    lines = [f"{kind} inputs:{key}.connect = </M/{output}>" for kind, key, output in keys]
+    file = surface(tmp_path, *lines, nodes=[*by_primvar("A", "map1"), *by_primvar("B", "map2")])
+    primvars = (f'texCoord2f[] primvars:{name} (interpolation = "constant")' for name in ("map2 = [(1, 0)]", "map1 = [(2, 0)]"))
+    file.write_text(file.read_text().replace("rel material", "\n".join(primvars) + "\nrel material"))
+    scene = load_scene(file)
+    material = scene.materials[0]
+    assert (material.base_texture.uv_set, material.surface_texture.uv_set, material.not_read) == (0, 1, ())
+    assert (scene.meshes[0].uv == [2, 0]).all() and (scene.meshes[0].uv2 == [1, 0]).all()
+
+
+def test_a_third_set_of_uv_is_named(tmp_path):
+    image(tmp_path / "t.png")
+    keys = (
+        ("color3f", "diffuseColor", "A.outputs:rgb"),
+        ("float", "roughness", "B.outputs:g"),
+        ("color3f", "emissiveColor", "C.outputs:rgb"),
+    )
+    lines = [f"{kind} inputs:{key}.connect = </M/{output}>" for kind, key, output in keys]
+    nodes = [node for name, primvar in zip("ABC", ("u0", "u1", "u2"), strict=True) for node in by_primvar(name, primvar)]
+    _, material = read(tmp_path, *lines, nodes=nodes)
+    assert material.not_read == ("uv u2 of emissiveColor: it is read with u0",)
+    assert [slot.uv_set for slot in (material.base_texture, material.surface_texture, material.emission_texture)] == [0, 1, 0]
+
+
+def colour_reader(name, primvar, *lines, kind="UsdPrimvarReader_float3"):
+    return shader(name, kind, f'string inputs:varname = "{primvar}"', *lines)
+
+
+DISPLAY = 'color3f[] primvars:tint = [(0.25, 0.5, 1)] (interpolation = "constant")'
+OPACITY = 'float[] primvars:fade = [0.5] (interpolation = "constant")'
+
+
+def read_with_primvars(folder, *lines, nodes=(), primvars=(DISPLAY, OPACITY)):
+    file = surface(folder, *lines, nodes=nodes)
+    file.write_text(file.read_text().replace("rel material", "\n".join(primvars) + "\nrel material"))
+    scene = load_scene(file)
+    return scene, scene.materials[scene.objects[0].material], scene.meshes[0].colors
+
+
+def test_a_primvar_of_colour_and_one_of_opacity_drive_the_vertices(tmp_path):
+    lines = (
+        "color3f inputs:diffuseColor.connect = </M/C.outputs:result>",
+        "float inputs:opacity.connect = </M/O.outputs:result>",
+    )
+    nodes = colour_reader("C", "tint"), colour_reader("O", "fade", kind="UsdPrimvarReader_float")
+    _, material, colors = read_with_primvars(tmp_path, *lines, 'token inputs:opacityMode = "presence"', nodes=nodes)
+    assert (material.base_color, material.opacity, material.alpha, material.not_read) == ((1, 1, 1), 1, "blend", ())
+    assert material.vertex_colors == "base_color" and (colors == [0.25, 0.5, 1, 0.5]).all()
+
+
+def test_a_primvar_drives_the_emission(tmp_path):
+    lines = ("color3f inputs:emissiveColor.connect = </M/C.outputs:result>",)
+    _, material, colors = read_with_primvars(tmp_path, *lines, nodes=[colour_reader("C", "tint")])
+    assert (material.vertex_colors, material.emission, material.not_read) == ("emission", (1, 1, 1), ())
+    np.testing.assert_allclose(material.base_color, (0.18, 0.18, 0.18), rtol=ROUNDING)
+    assert (colors == [0.25, 0.5, 1, 1]).all()
+
+
+def test_a_second_primvar_of_colour_is_named(tmp_path):
+    lines = [f"color3f inputs:{key}.connect = </M/C.outputs:result>" for key in ("diffuseColor", "emissiveColor")]
+    _, material, _ = read_with_primvars(tmp_path, *lines, nodes=[colour_reader("C", "tint")])
+    assert (material.vertex_colors, material.emission) == ("base_color", (0, 0, 0))
+    assert material.not_read == ("emissiveColor through UsdPrimvarReader_float3",)
+
+
+def test_a_mesh_without_the_primvar_takes_the_readers_fallback(tmp_path):
+    node = colour_reader("C", "elsewhere", "float3 inputs:fallback = (0.5, 0.25, 0)")
+    _, _, colors = read_with_primvars(tmp_path, "color3f inputs:diffuseColor.connect = </M/C.outputs:result>", nodes=[node])
+    assert (colors == [0.5, 0.25, 0, 1]).all()
+
+
+def test_the_material_of_meshes_with_display_colours_alone():
+    reader = MaterialReader()
+    index, blended = reader.colored_default(), reader.colored_default(blend=True)
+    white, fading = reader.materials[index], reader.materials[blended]
+    assert (white.base_color, white.alpha, fading.alpha) == ((1, 1, 1), "opaque", "blend")
+    assert index == reader.colored_default() and len({index, blended, reader.material_index(None)}) == 3
+
+
+def test_values_and_textures_come_through_nested_node_graphs(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    inner = prim(
+        "NodeGraph",
+        "inner",
+        "float inputs:deep.connect = </M/outer.inputs:shallow>",
+        "float outputs:rough.connect = </M/outer/inner.inputs:deep>",
+        "color3f outputs:rgb.connect = </M/outer/inner/T.outputs:rgb>",
+        shader("T", "UsdUVTexture", "asset inputs:file.connect = </M.inputs:picture>"),
+    )
+    passed = (
+        "color3f outputs:rgb.connect = </M/outer/inner.outputs:rgb>",
+        "float outputs:rough.connect = </M/outer/inner.outputs:rough>",
+    )
+    outer = prim("NodeGraph", "outer", "float inputs:shallow = 0.125", *passed, inner)
+    lines = (
+        "color3f inputs:diffuseColor.connect = </M/outer.outputs:rgb>",
+        "float inputs:roughness.connect = </M/outer.outputs:rough>",
+    )
+    file = surface(tmp_path, *lines, nodes=[outer])
+    interface = "asset inputs:picture = @t.png@\ntoken outputs:surface.connect"
+    file.write_text(file.read_text().replace("token outputs:surface.connect", interface, 1))
+    scene = load_scene(file)
+    np.testing.assert_allclose(texels_of(scene, scene.materials[0].base_texture)[..., :3], decoded(codes), rtol=ROUNDING)
+    assert (scene.materials[0].roughness, scene.materials[0].not_read) == (0.125, ())
+
+
+NORMAL = "normal3f inputs:normal.connect = </M/T.outputs:rgb>"
+
+
+def test_a_normal_map_of_eight_bits_without_scale_and_bias_gets_them_and_is_named(tmp_path):
+    codes = image(tmp_path / "t.png") / 255
+    scene, material = read(tmp_path, NORMAL, nodes=[sampler("T")])
+    np.testing.assert_allclose(texels_of(scene, material.normal_texture)[..., :3], 2 * codes - 1, atol=ROUNDING)
+    assert material.not_read == ("normal map without scale 2 and bias -1: it is read with them",)
+
+
+@pytest.mark.parametrize(("channels", "srgb"), [(1, False), (2, False), (3, True), (4, True)])
+def test_auto_takes_eight_bits_of_three_and_four_channels_for_srgb(tmp_path, channels, srgb):
+    pixels = np.random.default_rng(1).integers(0, 256, (5, 7, channels), dtype=np.uint8)
+    Image.fromarray(pixels[..., 0] if channels == 1 else pixels).save(tmp_path / "t.png")
+    scene, _ = read(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[sampler("T")])
+    assert scene.textures[0].srgb == srgb
+
+
+def test_sixteen_bits_that_are_said_to_be_srgb_are_decoded(tmp_path):
+    codes = np.random.default_rng(2).integers(0, 65536, (5, 7), dtype=np.uint16)
+    Image.fromarray(codes).save(tmp_path / "t.png")
+    node = sampler("T", 'token inputs:sourceColorSpace = "sRGB"')
+    scene, material = read(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[node])
+    # the power 2.4 of the code in float32
+    np.testing.assert_allclose(texels_of(scene, material.base_texture)[..., 0], decoded(codes / 65535), rtol=2.4 * ROUNDING)
+    assert not scene.textures[0].srgb
+
+
+def test_the_alpha_of_a_colour_image_does_not_blend_where_opacity_is_a_constant(tmp_path):
+    image(tmp_path / "t.png", channels=4)
+    lines = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", "float inputs:opacity = 0.5"
+    scene, material = read(tmp_path, *lines, nodes=[sampler("T")])
+    assert (texels_of(scene, material.base_texture)[..., 3] == 1).all() and material.opacity == 0.5
+
+
+def test_each_image_is_decoded_once(tmp_path, monkeypatch):
+    image(tmp_path / "t.png")
+    names = []
+    monkeypatch.setattr(usd_textures, "decode_image", lambda data, name: (names.append(name), decode_image(data, name))[1])
+    lines = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", "float inputs:roughness.connect = </M/U.outputs:g>"
+    file = surface(tmp_path, *lines, nodes=[sampler("T"), sampler("U", 'token inputs:sourceColorSpace = "raw"')])
+    material, mesh = file.read_text().split("\n", 4)[4].split("def Mesh")
+    with file.open("a") as stage:
+        stage.write((material + "def Mesh" + mesh).replace('"M"', '"N"').replace('"m"', '"n"').replace("</M", "</N"))
+    scene = load_scene(file)
+    assert len(scene.objects) == 2 and names == ["t.png"]
+    assert len(scene.textures) == 2  # one decoded from sRGB and one raw, of the same texels, for both materials
+    assert scene.textures[0].texels is scene.textures[1].texels
+
+
+def outside(folder, name):
+    """A scene in a folder whose texture is called `name`."""
+    inner = folder / "inner"
+    inner.mkdir()
+    return surface(inner, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[sampler("T", file=name)])
+
+
+@pytest.mark.parametrize("way", ["up", "absolute", "link"])
+def test_textures_outside_the_folder_are_not_opened(tmp_path, way):
+    file = outside(tmp_path, {"up": "../t.png", "absolute": f"{tmp_path}/t.png", "link": "t.png"}[way])
+    (tmp_path / "t.png").write_text("never decoded")
+    if way == "link":
+        (tmp_path / "inner" / "t.png").symlink_to(tmp_path / "t.png")
+    with pytest.raises(InputError, match=rf"^{file}, /M\.diffuseColor: .*t.png lies outside the scene's folder"):
+        load_scene(file)
+    image(tmp_path / "t.png")
+    assert load_scene(file, allow_outside=True).textures[0].texels.shape == (5, 7, 4)
+
+
+def package(folder, name, **members):
+    """A .usdz of plain members, stored and aligned as USD wants it."""
+    with zipfile.ZipFile(folder / name, "w") as archive:
+        for member, data in members.items():
+            info = zipfile.ZipInfo(member.replace("_", "."))
+            info.extra = (
+                bytes(2)
+                + struct.pack("<H", (-(archive.fp.tell() + 30 + len(info.filename) + 4)) % 64)
+                + bytes((-(archive.fp.tell() + 30 + len(info.filename) + 4)) % 64)
+            )
+            archive.writestr(info, data)
+    return folder / name
+
+
+def test_a_package_reads_its_own_images_and_no_others(tmp_path):
+    image(tmp_path / "t.png")
+    inside = surface(tmp_path, "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>", nodes=[sampler("T")]).read_bytes()
+    scene = load_scene(package(tmp_path, "good.usdz", scene_usda=inside, t_png=(tmp_path / "t.png").read_bytes()))
+    assert scene.textures[0].texels.shape == (5, 7, 4) and [file.name for file in scene.files] == ["good.usdz"]
+    beside = inside.replace(b"@t.png@", f"@{tmp_path}/t.png@".encode())
+    file = package(tmp_path, "bad.usdz", scene_usda=beside)
+    with pytest.raises(InputError, match=rf"^{file}, /M\.diffuseColor: .*t.png lies outside its package bad.usdz"):
+        load_scene(file)
+    assert len(load_scene(file, allow_outside=True).textures) == 1
+
+
+def test_the_first_tile_of_many_is_read_and_named(tmp_path):
+    image(tmp_path / "t.1001.png")
+    color = "color3f inputs:diffuseColor.connect = </M/T.outputs:rgb>"
+    scene, material = read(tmp_path, color, nodes=[sampler("T", file="t.<UDIM>.png")])
+    assert material.not_read == ("tiles of t.<UDIM>.png: 1001 is drawn everywhere, of diffuseColor",)
+    assert [file.name for file in scene.files[1:]] == ["t.1001.png"]
+
+
+@pytest.mark.parametrize(
+    ("output", "says"),
+    [
+        ("token outputs:displacement.connect = </M/D.outputs:out>", ("displacement through ND_displacement_float",)),
+        ("token outputs:displacement.connect = </M/S.outputs:surface>", ()),
+        ("token outputs:volume.connect = </M/D.outputs:out>", ("volume through ND_displacement_float",)),
+    ],
+)
+def test_outputs_beside_the_surface_are_named(tmp_path, output, says):
+    node = prim("Shader", "D", 'uniform token info:id = "ND_displacement_float"', "token outputs:out")
+    assert read(tmp_path, nodes=[node, output])[1].not_read == says
 
 
 def test_third_party_materials_say_what_is_not_drawn(assets):

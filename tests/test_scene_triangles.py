@@ -1,7 +1,4 @@
-"""glTF, OBJ and PLY: numbers exact, textures and files found, what is missing named."""
-
-import base64
-import json
+"""OBJ, PLY, STL and OFF through trimesh: numbers exact, colours decoded, groups and files found, what is missing named."""
 
 import numpy as np
 import pytest
@@ -9,350 +6,12 @@ import trimesh
 
 from framepairs.errors import InputError
 from framepairs.scene import load_scene, scene_hash
-from framepairs.scene.images import linear_texels
-from framepairs.scene.triangles import load_triangles
+from framepairs.scene.containment import reach_of
+from framepairs.scene.triangles import read_meshes
 from usd_stages import image
 
-POSITIONS = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
 UV = np.float32([[0, 0], [1, 0], [0, 0.25]])
-BUFFER = POSITIONS.tobytes() + UV.tobytes()
-TEXTURED = {"name": "t", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-IMAGES = {"images": [{"uri": "t.png"}], "textures": [{"source": 0}]}
-
-
-def gltf(folder, *materials, name="scene.gltf", **keys):
-    """The file of a glTF scene: one triangle per material, node k moved by (10 k, 0, 0) on top of (0, 5, 0)."""
-    count = range(len(materials))
-    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
-    values = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [len(materials)]}],
-        "nodes": [
-            *({"mesh": k, "name": f"n{k}", "translation": [10 * k, 0, 0]} for k in count),
-            {"name": "root", "children": list(count), "translation": [0, 5, 0]},
-        ],
-        "meshes": [{"name": f"m{k}", "primitives": [{"attributes": attributes, "material": k}]} for k in count],
-        "materials": materials,
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
-            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": POSITIONS.nbytes},
-            {"buffer": 0, "byteOffset": POSITIONS.nbytes, "byteLength": UV.nbytes},
-        ],
-        "buffers": [{"byteLength": len(BUFFER), "uri": "data:;base64," + base64.b64encode(BUFFER).decode()}],
-        **keys,
-    }
-    file = folder / name
-    file.write_text(json.dumps(values))
-    return file
-
-
-def colored(red, **keys):
-    return {"pbrMetallicRoughness": {"baseColorFactor": [red, 0.2, 0.3, 0.4]}, **keys}
-
-
-def worn(scene):
-    """Material by the name of the object that wears it."""
-    return {item.name: scene.materials[item.material] for item in scene.objects}
-
-
-def test_triangles_and_transforms_of_gltf(tmp_path):
-    scene = load_scene(gltf(tmp_path, {"name": "a"}, {"name": "b"}))
-    assert [item.name for item in scene.objects] == ["n0", "n1"] and not scene.moves
-    np.testing.assert_array_equal(scene.world_from_object(0.7)[:, :3, 3], [[0, 5, 0], [10, 5, 0]])
-    mesh = scene.meshes[0]
-    np.testing.assert_array_equal(mesh.positions[mesh.faces[0]], POSITIONS)
-    np.testing.assert_array_equal(mesh.uv[mesh.faces[0]], UV * [1, -1] + [0, 1])  # glTF's v runs down, ours up
-    assert mesh.normals is None  # glTF: flat shading where there are none
-    assert (scene.up_axis, scene.metres_per_unit) == ("Y", 1)
-
-
-def test_factors_are_exact_and_not_rounded_to_bytes(tmp_path):
-    pbr = {"baseColorFactor": [0.1001, 0.2002, 0.3003, 1], "roughnessFactor": 0.1234, "metallicFactor": 0.4321}
-    material = load_scene(gltf(tmp_path, {"name": "a", "pbrMetallicRoughness": pbr})).materials[0]
-    assert material.base_color == (0.1001, 0.2002, 0.3003)
-    assert (material.roughness, material.metallic) == (0.1234, 0.4321)
-
-
-def test_defaults_are_those_of_the_specification(tmp_path):
-    material = load_scene(gltf(tmp_path, {"name": "a"})).materials[0]
-    assert (material.base_color, material.roughness, material.metallic) == ((1, 1, 1), 1, 1)
-    assert (material.emission, material.alpha, material.specular) == ((0, 0, 0), "opaque", 0.5)
-
-
-@pytest.mark.parametrize("names", [({}, {}), ({"name": "same"}, {"name": "same"})])
-def test_materials_without_names_of_their_own_keep_their_factors(tmp_path, names):
-    materials = worn(load_scene(gltf(tmp_path, colored(0.25, **names[0]), colored(0.75, **names[1]))))
-    assert [materials[node].base_color[0] for node in ("n0", "n1")] == [0.25, 0.75]
-
-
-def test_alpha_modes(tmp_path):
-    modes = {"alphaMode": "MASK", "alphaCutoff": 0.125}, {"alphaMode": "MASK"}, {"alphaMode": "BLEND"}, {"alphaMode": "OPAQUE"}
-    found = worn(load_scene(gltf(tmp_path, *(colored(1, name=str(k), **mode) for k, mode in enumerate(modes)))))
-    assert [(m.alpha, m.alpha_cutoff, m.opacity) for m in (found[f"n{k}"] for k in range(4))] == [
-        ("mask", 0.125, 0.4),
-        ("mask", 0.5, 0.4),
-        ("blend", 0.5, 0.4),
-        ("opaque", 0.5, 1.0),
-    ]
-
-
-def test_emissive_strength_multiplies(tmp_path):
-    strong = {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}
-    lamps = {"name": "a", "emissiveFactor": [1, 0.5, 0], "extensions": strong}, {"name": "b", "emissiveFactor": [1, 0.5, 0]}
-    scene = load_scene(gltf(tmp_path, *lamps, extensionsUsed=["KHR_materials_emissive_strength"]))
-    assert [worn(scene)[node].emission for node in ("n0", "n1")] == [(8, 4, 0), (1, 0.5, 0)]
-    assert scene.not_read == ()
-
-
-def extended(**extensions):
-    """A dielectric with extensions."""
-    named = {f"KHR_materials_{name}": values for name, values in extensions.items()}
-    return {"name": "a", "pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": named}
-
-
-@pytest.mark.parametrize(
-    ("extensions", "specular", "says"),
-    [
-        ({}, 0.5, ()),
-        ({"ior": {"ior": 1.5}}, 0.5, ()),
-        ({"ior": {"ior": 1.33}}, (0.33 / 2.33) ** 2 / 0.08, ()),
-        ({"ior": {"ior": 1}}, 0, ()),
-        ({"ior": {"ior": 2}}, 1, ("ior 2: F0 is 0.08, not 0.111",)),  # (1 / 3)^2
-        ({"ior": {"ior": 0}}, 1, ("ior 0: F0 is 0.08, not 1",)),
-        ({"specular": {}}, 0.5, ()),
-        ({"specular": {"specularFactor": 0}}, 0, ("specularFactor 0 at grazing angles: reflectance is 1 there",)),
-        ({"specular": {"specularFactor": 0.5}, "ior": {"ior": 2}}, 1 / 18 / 0.08, ("specularFactor 0.5 at grazing",)),
-        ({"specular": {"specularColorFactor": [1, 0.5, 0]}}, 0.5, ("specularColorFactor (1, 0.5, 0)",)),
-        ({"specular": {"specularTexture": {"index": 0}}}, 0.5, ("specularTexture of KHR_materials_specular",)),
-    ],
-)
-def test_ior_and_specular_factor_become_specular(tmp_path, extensions, specular, says):
-    material = load_scene(gltf(tmp_path, extended(**extensions))).materials[0]
-    assert material.specular == pytest.approx(specular, abs=1e-12)
-    assert len(material.not_read) == len(says)
-    assert all(found.startswith(expected) for found, expected in zip(material.not_read, says, strict=True))
-
-
-def test_an_ior_of_metal_says_nothing(tmp_path):
-    metal = extended(ior={"ior": 2}, specular={"specularFactor": 0.5})
-    metal["pbrMetallicRoughness"] = {"metallicFactor": 1}
-    material = load_scene(gltf(tmp_path, metal)).materials[0]
-    assert (material.specular, material.not_read) == (0.5, ())
-
-
-def test_an_ior_below_0_names_the_material(tmp_path):
-    file = gltf(tmp_path, extended(ior={"ior": -1}))
-    with pytest.raises(InputError, match=f"^{file}, a: index of refraction -1"):
-        load_scene(file)
-
-
-@pytest.mark.parametrize(
-    ("name", "acting", "neutral", "says"),
-    [
-        ("clearcoat", {"clearcoatFactor": 0.5}, {"clearcoatFactor": 0}, "clearcoat 0.5"),
-        ("sheen", {"sheenColorFactor": [0, 0.5, 0]}, {"sheenRoughnessFactor": 1}, "sheen (0, 0.5, 0)"),
-        ("transmission", {"transmissionFactor": 1}, {}, "transmission 1"),
-        ("volume", {"thicknessFactor": 2}, {"attenuationDistance": 1}, "volume 2"),
-        ("iridescence", {"iridescenceFactor": 1}, {"iridescenceIor": 2}, "iridescence 1"),
-        ("anisotropy", {"anisotropyStrength": 0.25}, {"anisotropyRotation": 1}, "anisotropy 0.25"),
-        ("dispersion", {"dispersion": 0.1}, {"dispersion": 0}, "dispersion 0.1"),
-        ("diffuse_transmission", {"diffuseTransmissionFactor": 0.5}, {}, "diffuse_transmission 0.5"),
-        ("unlit", {}, None, "unlit: it is lit"),
-        ("of_tomorrow", {}, None, "extension KHR_materials_of_tomorrow"),
-    ],
-)
-def test_extensions_of_a_material_are_named_where_they_act(tmp_path, name, acting, neutral, says):
-    used = [f"KHR_materials_{name}"]
-    scene = load_scene(gltf(tmp_path, extended(**{name: acting}), extensionsUsed=used))
-    assert (scene.materials[0].not_read, scene.not_read) == ((says,), ())
-    if neutral is not None:
-        scene = load_scene(gltf(tmp_path, extended(**{name: neutral}), extensionsUsed=used))
-        assert (scene.materials[0].not_read, scene.not_read) == ((), ())
-
-
-def test_specular_glossiness_alone_gives_its_nearest_values(tmp_path):
-    codes = image(tmp_path / "t.png") / 255
-    values = {"diffuseFactor": [0.5, 0.25, 1, 0.75], "glossinessFactor": 0.75, "diffuseTexture": {"index": 0}}
-    only = {"name": "a", "extensions": {"KHR_materials_pbrSpecularGlossiness": values}}
-    scene = load_scene(gltf(tmp_path, only, **IMAGES))
-    material = scene.materials[0]
-    assert (material.base_color, material.roughness, material.metallic) == ((0.5, 0.25, 1), 0.25, 0)
-    assert material.not_read == ("pbrSpecularGlossiness: its metallic-roughness values are drawn",)
-    np.testing.assert_array_equal(scene.textures[material.base_texture.texture].texels[..., :3] / 255, codes)
-    both = {**only, "pbrMetallicRoughness": {"roughnessFactor": 0.125, "metallicFactor": 1}}
-    material = load_scene(gltf(tmp_path, both, **IMAGES)).materials[0]
-    assert (material.base_color, material.roughness, material.metallic) == ((1, 1, 1), 0.125, 1)
-
-
-def test_texture_transforms_turn_the_uv_of_their_texture(tmp_path):
-    image(tmp_path / "t.png")
-    transform = {"offset": [0.25, 0.5], "rotation": np.pi / 2, "scale": [2, 3]}
-    moved = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
-    pbr = {"baseColorTexture": moved, "metallicRoughnessTexture": {"index": 0}}
-    material = load_scene(gltf(tmp_path, {"name": "t", "pbrMetallicRoughness": pbr}, **IMAGES)).materials[0]
-    # glTF's uv, v down: scaled, turned by 90 degrees counter-clockwise on the image ((1, 0) goes up to (0, -1), (0, 1) to
-    # (1, 0)), then shifted. (u, v) -> (2 u, 3 v) -> (3 v, -2 u) -> (3 v + 0.25, 0.5 - 2 u).
-    for u, v in ((0, 0), (1, 0), (0, 1), (0.3, 0.8)):
-        expected = 3 * v + 0.25, 1 - (0.5 - 2 * u)
-        np.testing.assert_allclose(np.array(material.base_texture.uv) @ [u, 1 - v, 1], expected, atol=1e-15 * 16)
-    assert material.surface_texture.uv == ((1, 0, 0), (0, 1, 0)) and material.not_read == ()
-
-
-def test_an_offset_alone_moves_the_image(tmp_path):
-    image(tmp_path / "t.png")
-    moved = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0.125]}}}
-    material = load_scene(gltf(tmp_path, {"name": "t", "emissiveTexture": moved}, **IMAGES)).materials[0]
-    assert material.emission_texture.uv == ((1, 0, 0.25), (0, 1, -0.125))
-
-
-@pytest.mark.parametrize(
-    "info",
-    [{"index": 0, "texCoord": 1}, {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}],
-    ids=["texCoord", "texture transform"],
-)
-def test_a_second_set_of_uv_is_named(tmp_path, info):
-    image(tmp_path / "t.png")
-    material = load_scene(gltf(tmp_path, {"name": "t", "normalTexture": info}, **IMAGES)).materials[0]
-    assert material.not_read == ("texCoord 1 of normalTexture: it is read with 0",)
-
-
-def test_an_occlusion_map_of_strength_0_is_not_named(tmp_path):
-    image(tmp_path / "t.png")
-    for strength, says in ((0, ()), (0.5, ("occlusion map",))):
-        material = {"name": "t", "occlusionTexture": {"index": 0, "strength": strength}}
-        assert load_scene(gltf(tmp_path, material, **IMAGES)).materials[0].not_read == says
-
-
-def test_extensions_that_a_file_requires_are_refused_unless_known(tmp_path):
-    known = ["KHR_texture_transform", "KHR_materials_clearcoat", "KHR_materials_unlit", "KHR_lights_punctual"]
-    assert load_scene(gltf(tmp_path, {"name": "a"}, extensionsRequired=known)).objects
-    file = gltf(tmp_path, {"name": "a"}, extensionsRequired=[*known, "EXT_of_tomorrow"])
-    with pytest.raises(InputError, match=f"^{file}: extension EXT_of_tomorrow is not read, and the file requires it"):
-        load_scene(file)
-
-
-def test_what_meshes_hold_beyond_triangles_is_named(tmp_path):
-    plain = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}
-    colored = {**plain, "attributes": {**plain["attributes"], "COLOR_0": 0}}
-    bare = {**plain, "attributes": {"TEXCOORD_0": 1}}
-    meshes = [{"name": "m", "primitives": [colored, {**plain, "targets": [{"POSITION": 0}]}, {**plain, "mode": 1}, bare]}]
-    scene = load_scene(gltf(tmp_path, {"name": "a"}, meshes=meshes))
-    told = "vertex colours of mesh m", "lines or points of mesh m", "primitives without positions of mesh m"
-    assert scene.not_read == told and [item.name for item in scene.objects] == ["n0/0", "n0/1"]
-
-
-def test_vertex_colours_of_ply_are_named(tmp_path):
-    box = trimesh.creation.box()
-    box.visual.vertex_colors = np.tile(np.uint8([255, 0, 0, 255]), (8, 1))
-    box.export(tmp_path / "box.ply")
-    assert load_scene(tmp_path / "box.ply").not_read == ("vertex colours of box.ply",)
-
-
-def test_third_party_files_say_what_is_not_drawn(assets):
-    said = {m.name: m.not_read for m in load_scene(assets / "FlightHelmet" / "FlightHelmet.gltf").materials}
-    assert len(said) == 6 and set(said.values()) == {("occlusion map",)}
-    room = load_scene(assets / "BreakfastRoom" / "BreakfastRoom.gltf")  # its KHR_materials_specular is glTF's default
-    assert room.not_read == ("extension MSFT_texture_dds",) and {m.specular for m in room.materials} == {0.5}
-
-
-def test_textures_and_their_channels(tmp_path):
-    codes = image(tmp_path / "t.png") / 255
-    first = {"index": 0}
-    pbr = {"baseColorTexture": first, "metallicRoughnessTexture": first}
-    maps = {"normalTexture": {"index": 0, "scale": 0.5}, "occlusionTexture": first, "emissiveTexture": first}
-    scene = load_scene(gltf(tmp_path, {"name": "t", "pbrMetallicRoughness": pbr, **maps}, **IMAGES))
-    material = scene.materials[0]
-    textures = [scene.textures[slot.texture] for slot in (material.base_texture, material.emission_texture)]
-    assert [texture.srgb for texture in textures] == [True, True]
-    surface, normal = (linear_texels(scene.textures[s.texture]) for s in (material.surface_texture, material.normal_texture))
-    np.testing.assert_allclose(surface[..., 1:3], codes[..., 1:], rtol=2.0**-22)
-    assert (surface[..., 0] == 1).all()
-    np.testing.assert_allclose(normal[..., :3], 2 * codes - 1, atol=2.0**-22)
-    assert material.normal_scale == 0.5 and material.not_read == ("occlusion map",)
-
-
-def test_samplers_set_the_wrap_modes(tmp_path):
-    image(tmp_path / "t.png")
-    keys = {**IMAGES, "textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33071, "wrapT": 33648}]}
-    assert load_scene(gltf(tmp_path, TEXTURED, **keys)).textures[0].wrap == ("clamp", "mirror")
-    assert load_scene(gltf(tmp_path, TEXTURED, **IMAGES)).textures[0].wrap == ("repeat", "repeat")
-
-
-def test_the_hash_follows_images_and_buffers(tmp_path):
-    image(tmp_path / "t.png")
-    (tmp_path / "b.bin").write_bytes(BUFFER)
-    file = gltf(tmp_path, TEXTURED, **IMAGES, buffers=[{"byteLength": len(BUFFER), "uri": "b.bin"}])
-    scene = load_scene(file)
-    assert {item.name for item in scene.files} == {"scene.gltf", "t.png", "b.bin"} and scene.files[0] == file
-    first = scene_hash(scene)
-    image(tmp_path / "t.png", seed=2)
-    second = scene_hash(load_scene(file))
-    (tmp_path / "b.bin").write_bytes(BUFFER + b"\0")
-    assert len({first, second, scene_hash(load_scene(file))}) == 3
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ({**IMAGES, "images": [{"uri": "nowhere.png"}]}, "images: missing texture nowhere.png"),
-        ({"buffers": [{"byteLength": 60, "uri": "nowhere.bin"}]}, "buffers: missing buffer nowhere.bin"),
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "extension KHR_draco_mesh_compression is not read"),
-        ({**IMAGES, "images": [{"uri": "broken.png"}]}, "broken.png"),
-        ({"textures": []}, "texture"),
-        ({"meshes": []}, ""),
-    ],
-)
-def test_what_a_gltf_file_lacks_is_named(tmp_path, keys, says):
-    (tmp_path / "broken.png").write_bytes(b"no image")
-    file = gltf(tmp_path, TEXTURED, **keys)
-    with pytest.raises(InputError, match=f"{says}" if says == "broken.png" else f"^{file}[:,] .*{says}"):
-        load_scene(file)
-
-
-def test_what_is_not_read_of_gltf_is_named(tmp_path):
-    clips = [{"name": name, "channels": [], "samplers": []} for name in ("walk", "run")]
-    scenes = [{"nodes": [1]}, {"name": "other", "nodes": [0]}]
-    keys = {"extensionsUsed": ["KHR_lights_punctual"], "animations": clips, "scenes": scenes}
-    scene = load_scene(gltf(tmp_path, {"name": "a"}, **keys))
-    told = "extension KHR_lights_punctual", "scene other: scene 0 is drawn", "animation run: walk is played"
-    assert scene.not_read == told
-
-
-def test_a_primitive_without_material_wears_gltf_s_default(tmp_path):
-    meshes = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
-    material = worn(load_scene(gltf(tmp_path, {"name": "a"}, meshes=meshes)))["n0"]
-    assert (material.name, material.base_color, material.roughness, material.metallic) == ("default", (1, 1, 1), 1, 1)
-
-
-def test_files_without_animations_have_no_clip_to_choose(tmp_path):
-    with pytest.raises(InputError, match="no animation 'walk': files of this format have none"):
-        load_triangles(obj(tmp_path), "walk")
-    with pytest.raises(InputError, match="animations: no animation 'walk'; there are: none"):
-        load_triangles(gltf(tmp_path, {"name": "a"}), "walk")
-
-
-@pytest.mark.parametrize("kept", [0, 3, 10, 19, 20, 100, -5])
-def test_cut_glb_files_are_named(tmp_path, kept):
-    file = tmp_path / "a.glb"
-    trimesh.creation.box().export(file)
-    assert len(load_scene(file).meshes[0].faces) == 12
-    file.write_bytes(file.read_bytes()[:kept])
-    with pytest.raises(InputError, match=f"^{file}: "):
-        load_scene(file)
-
-
-@pytest.mark.parametrize("data", [b"{", b"[]", b"\xff\xfe", b""])
-def test_what_is_no_gltf_is_named(tmp_path, data):
-    file = tmp_path / "a.gltf"
-    file.write_bytes(data)
-    with pytest.raises(InputError, match=f"^{file}: "):
-        load_scene(file)
-
-
+HALF = ((128 / 255 + 0.055) / 1.055) ** 2.4  # IEC 61966-2-1
 OBJ = """mtllib a.mtl
 v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
 vt 0 0\nvt 1 0\nvt 0 0.25\nvn 0 0 1
@@ -360,6 +19,9 @@ usemtl red\nf 1/1/1 2/2/1 3/3/1
 usemtl blue\nf 1/1/1 2/2/1 4/3/1
 """
 MTL = "newmtl red\nKd 1 0 0\nmap_Kd t.png\nnewmtl blue\nKd 0.2 0.4 0.6\n"
+POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+XYZ = ("property float x", "property float y", "property float z")
+FACES = "property list uchar int vertex_indices"
 
 
 def obj(folder, text=OBJ, mtl=MTL):
@@ -369,22 +31,134 @@ def obj(folder, text=OBJ, mtl=MTL):
     return folder / "a.obj"
 
 
+def ply(folder, vertices, faces, body, form="ascii", comments=()):
+    """The file of a PLY: the property lines of vertices and faces as (count, *lines), and what stands behind the header."""
+    lines = ["ply", f"format {form} 1.0", *(f"comment {comment}" for comment in comments)]
+    for name, (count, *properties) in (("vertex", vertices), ("face", faces)):
+        lines += [f"element {name} {count}", *properties]
+    file = folder / "a.ply"
+    file.write_bytes("\n".join([*lines, "end_header\n"]).encode() + (body.encode() if isinstance(body, str) else body))
+    return file
+
+
+def only_mesh(file):
+    (mesh,) = load_scene(file).meshes
+    return mesh
+
+
+def corners(mesh, name="positions"):
+    """[T, 3, k]: what stands at the corners of the triangles."""
+    return getattr(mesh, name)[mesh.faces]
+
+
+def named(scene):
+    return {item.name: scene.meshes[item.mesh] for item in scene.objects}
+
+
 def test_obj_files_keep_materials_uv_and_normals(tmp_path):
     scene = load_scene(obj(tmp_path))
     found = {material.name: material for material in scene.materials}
     assert found["blue"].base_color == (0.2, 0.4, 0.6) and found["blue"].base_texture is None
     assert scene.textures[found["red"].base_texture.texture].texels.shape == (5, 7, 4)
     mesh = next(mesh for mesh in scene.meshes if mesh.name == "blue")
-    np.testing.assert_array_equal(mesh.positions[mesh.faces[0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
-    np.testing.assert_array_equal(mesh.uv[mesh.faces[0]], UV)
+    np.testing.assert_array_equal(corners(mesh)[0], [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(corners(mesh, "uv")[0], UV)
     np.testing.assert_array_equal(mesh.normals, np.tile([0, 0, 1], (3, 1)))
 
 
-def test_what_an_obj_material_does_not_do_is_named_where_it_acts(tmp_path):
-    acting = "newmtl red\nKd 1 0 0\nKs 1 1 1\nd 0.5\nKe 0 0 2\nmap_Bump t.png\nPr 0.25\n"
-    neutral = "newmtl blue\nKd 0.2 0.4 0.6\nKs 0 0 0\nd 1.0\nKe 0 0 0\nNs 10\nNi 1.5\nillum 2\n"
-    found = {material.name: material.not_read for material in load_scene(obj(tmp_path, mtl=acting + neutral)).materials}
-    assert found == {"red": ("ks 1.0 1.0 1.0", "d 0.5", "ke 0 0 2", "map_bump t.png", "pr 0.25"), "blue": ()}
+def test_objects_and_groups_are_objects_and_materials_split_them(tmp_path):
+    house = "o house\ng roof\nusemtl red\nf 1 2 3\nusemtl blue\nf 1 2 4\ng wall\nf 2 3 4\n"
+    tree_and_roof = "o tree\nf 1 3 4\ng roof\no house\nf 1 2 3\n"
+    scene = load_scene(obj(tmp_path, "mtllib a.mtl\n" + POINTS + house + tree_and_roof))
+    names = ["house_roof_red", "house_roof_blue", "house_wall_blue", "tree_wall_blue"]
+    assert [item.name for item in scene.objects] == names and [len(mesh.faces) for mesh in scene.meshes] == [1, 2, 1, 1]
+    assert [scene.materials[item.material].name for item in scene.objects] == ["red", "blue", "blue", "blue"]
+
+
+def test_objects_stand_in_the_order_of_the_file(tmp_path):
+    text = "o a\ng x\nf 1 2 3\no b\nf 1 2 3\no a\ng y\nf 1 2 3\n"
+    assert [item.name for item in load_scene(obj(tmp_path, POINTS + text)).objects] == ["a_x", "b_x", "a_y"]
+
+
+def test_without_usemtl_nothing_is_missing(tmp_path):
+    scene = load_scene(obj(tmp_path, OBJ.replace("usemtl red\n", "o a\n").replace("usemtl blue\n", "")))
+    assert scene.not_read == () and [material.name for material in scene.materials] == ["default"]
+
+
+def test_names_of_materials_may_hold_spaces(tmp_path):
+    text, mtl = OBJ.replace("usemtl red", "usemtl dark  red"), MTL.replace("newmtl red", "newmtl dark  red")
+    assert {material.name for material in load_scene(obj(tmp_path, text, mtl)).materials} == {"dark red", "blue"}
+
+
+def test_a_file_without_names_goes_by_its_own(tmp_path):
+    assert [item.name for item in load_scene(obj(tmp_path, POINTS + "f 1 2 3\n")).objects] == ["a.obj"]
+
+
+def test_polygons_are_fans_and_corners_share_vertices(tmp_path):
+    points = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    mesh = only_mesh(obj(tmp_path, POINTS + "f 1 2 3 4\nf 1 2\nf 1 2 3\n"))
+    np.testing.assert_array_equal(corners(mesh), points[[[0, 1, 2], [2, 3, 0], [0, 1, 2]]])
+    assert load_scene(tmp_path / "a.obj").not_read == ("1 faces with fewer than 3 corners",)
+    pentagon = corners(only_mesh(obj(tmp_path, POINTS + "f 1 2 3 4 2\n")))
+    np.testing.assert_array_equal(pentagon, points[[[0, 1, 2], [0, 2, 3], [0, 3, 1]]])
+    assert len(only_mesh(obj(tmp_path, POINTS + "f 1 2 3\nf 1 2 4\n")).positions) == 4
+
+
+@pytest.mark.parametrize("corner", ["2//9", "2"], ids=["none", "some"])
+def test_what_only_some_corners_have_is_named(tmp_path, corner):
+    scene = load_scene(obj(tmp_path, POINTS + f"vn 1 0 0\nf 1//1 2//1 3//1\no b\nf 1//1 2//1 3//1\nf 1//1 {corner} 4//1\n"))
+    np.testing.assert_array_equal(named(scene)["a.obj"].normals, [[1, 0, 0]] * 3)
+    assert named(scene)["b"].normals is None
+    assert scene.not_read == ("normals of 1 meshes, as b: not all of their corners have some",)
+
+
+def test_kinds_of_corners_that_look_alike_stand_in_meshes_of_their_own(tmp_path):
+    text = POINTS + "vt 0 1\nvt 0 0.5\nvn 0 0 1\nvn 1 0 0\no a\nf 1/2 2/2 3/2\n{}f 1//2 2//2 4//2\n"
+    meshes = named(load_scene(obj(tmp_path, text.format("o b\n"))))
+    np.testing.assert_array_equal(meshes["a"].uv, [[0, 0.5]] * 3)
+    np.testing.assert_array_equal(meshes["b"].normals, [[1, 0, 0]] * 3)
+    assert meshes["a"].normals is None and meshes["b"].uv is None
+    with pytest.raises(InputError, match="several kinds in one group, as 'f 1//2 2//2 4//2'"):
+        load_scene(obj(tmp_path, text.format("")))
+
+
+def test_negative_indices_count_back_from_their_line(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0.5\nf -3/-1 -2/-1 -1/-1\nv 5 0 0\nvt 0 1\nf 1/-1 2/-1 -1/-1\n"
+    mesh = only_mesh(obj(tmp_path, text))
+    np.testing.assert_array_equal(corners(mesh), [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0], [5, 0, 0]]])
+    np.testing.assert_array_equal(corners(mesh, "uv")[:, 0], [[0, 0.5], [0, 1]])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("\n", "\r\n"),
+        ("\n", "\r"),
+        ("f 1", "f \\\n1"),
+        ("v 1", "  v\t1"),
+        ("f 1/1/1", "f 1/1/1#"),
+        ("v 0 0 1\n", "v 0 0 1 # peak\n"),
+    ],
+)
+def test_spellings_of_obj(tmp_path, change):
+    text = OBJ.replace(*change).replace("1#", "1")
+    mesh = next(mesh for mesh in load_scene(obj(tmp_path, text)).meshes if mesh.name == "blue")
+    np.testing.assert_array_equal(corners(mesh)[0], [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(("codes", "largest"), [("0.5019608", 1), ("128", 255)])
+def test_colours_of_obj_are_srgb_codes(tmp_path, codes, largest):
+    rows = "".join(f"v {p} {codes} 0 {largest}\n" for p in ("0 0 0", "1 0 0", "0 1 0"))
+    scene = load_scene(obj(tmp_path, rows + "f 1 2 3\n"))
+    np.testing.assert_allclose(scene.meshes[0].colors, [[HALF, 0, 1, 1]] * 3, rtol=2**-20)  # 16 roundings of float32
+    assert scene.materials[0].base_color == (1, 1, 1) and scene.not_read == ()
+
+
+def test_what_of_an_obj_is_not_drawn_is_named(tmp_path):
+    text = POINTS + "s 1\nf 1 2 3\nl 1 2\np 1\nusemtl nowhere\nf 1 2 4\n"
+    told = "lines", "points", "smoothing groups: without normals it is drawn flat", "material nowhere: no library holds it"
+    assert load_scene(obj(tmp_path, text)).not_read == told
+    assert load_scene(obj(tmp_path, POINTS + "s off\nf 1 2 3\n")).not_read == ()
 
 
 @pytest.mark.parametrize("name", ["a.mtl", "t.png"])
@@ -394,14 +168,7 @@ def test_what_an_obj_file_names_is_hashed_and_must_be_there(tmp_path, name):
     (tmp_path / name).write_text(MTL + "\n") if name == "a.mtl" else image(tmp_path / name, seed=2)
     assert scene_hash(load_scene(file)) != first
     (tmp_path / name).unlink()
-    with pytest.raises(InputError, match=f"^{file}.*{name}"):
-        load_scene(file)
-
-
-@pytest.mark.parametrize("text", ["", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"])
-def test_broken_obj_files_are_named(tmp_path, text):
-    file = obj(tmp_path, text)
-    with pytest.raises(InputError, match=f"^{file}[:,] "):
+    with pytest.raises(InputError, match=f"^{tmp_path}.*{name}"):
         load_scene(file)
 
 
@@ -412,4 +179,152 @@ def test_meshes_alone_are_grey(tmp_path, suffix):
     scene = load_scene(file)
     mesh = scene.meshes[0]
     assert mesh.faces.shape == (12, 3) and scene.materials[0].base_color == (0.8, 0.8, 0.8)
+    assert (mesh.normals, mesh.colors, mesh.uv) == (None, None, None)
     np.testing.assert_array_equal(mesh.positions.max(axis=0), [0.5, 1, 1.5])
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off"])
+def test_every_format_against_trimesh(tmp_path, suffix):
+    file = tmp_path / f"ball{suffix}"
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    ball.export(file)
+    theirs = trimesh.load_mesh(file, process=False)
+    (mesh,) = read_meshes(file, reach_of(file))
+    np.testing.assert_array_equal(corners(mesh), theirs.vertices.astype(np.float32)[theirs.faces])
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("polygons", [[(0, 1, 2), (1, 2, 3)], [(0, 1, 2, 3), (3, 2, 1, 0)]], ids=["triangles", "quads"])
+def test_ply_in_every_byte_order(tmp_path, form, polygons):
+    order = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    rows = np.arange(4 * 8, dtype=np.float64).reshape(4, 8) / 8
+    lines = [*XYZ, *(f"property float n{k}" for k in "xyz"), "property double s", "property double t"]
+    kind = np.dtype([("a", "f4", 6), ("b", "f8", 2)]).newbyteorder(order or "<")
+    if order is None:
+        body = "\n".join(" ".join(map(str, row)) for row in rows) + "\n"
+        body += "\n".join(" ".join(map(str, (7, len(face), *face))) for face in polygons)
+    else:
+        table = np.zeros(4, kind)
+        table["a"], table["b"] = rows[:, :6], rows[:, 6:]
+        lists = (
+            np.uint16(7).astype(order + "u2").tobytes() + bytes([len(f)]) + np.array(f, order + "i4").tobytes()
+            for f in polygons
+        )
+        body = table.tobytes() + b"".join(lists)
+    mesh = only_mesh(ply(tmp_path, (4, *lines), (2, "property ushort flags", FACES), body, form))
+    quads = [[0, 1, 2], [0, 2, 3], [3, 2, 1], [3, 1, 0]]
+    expected = rows[[[0, 1, 2], [1, 2, 3]] if len(polygons[1]) == 3 else quads]
+    np.testing.assert_array_equal(corners(mesh), expected[..., :3])
+    np.testing.assert_array_equal(corners(mesh, "normals"), expected[..., 3:6])
+    np.testing.assert_array_equal(corners(mesh, "uv"), expected[..., 6:])
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "expected"), [("uchar", 128, HALF), ("ushort", 128 * 257, HALF), ("float", 0.25, 0.25)]
+)
+def test_integer_colours_of_ply_are_srgb_codes_and_floats_are_linear(tmp_path, kind, value, expected):
+    colors = [f"property {kind} {name}" for name in ("red", "green", "blue")]
+    body = f"0 0 0 {value} 0 0\n1 0 0 0 {value} 0\n0 1 0 0 0 {value}\n3 0 1 2\n"
+    scene = load_scene(ply(tmp_path, (3, *XYZ, *colors), (1, FACES), body))
+    rgba = np.concatenate([np.eye(3) * expected, np.ones((3, 1))], axis=1)
+    np.testing.assert_allclose(scene.meshes[0].colors, rgba, rtol=2**-20)  # 16 roundings of float32
+    material = scene.materials[scene.objects[0].material]
+    assert (material.base_color, material.alpha, scene.not_read) == ((1, 1, 1), "opaque", ())
+
+
+@pytest.mark.parametrize(("alpha", "expected", "mode"), [(51, 0.2, "blend"), (255, 1, "opaque"), (0, 1, "opaque")])
+def test_opacities_of_vertices_blend_unless_all_are_0(tmp_path, alpha, expected, mode):
+    colors = [f"property uchar {name}" for name in ("red", "green", "blue", "alpha")]
+    body = "".join(f"{p} 255 255 255 {alpha}\n" for p in ("0 0 0", "1 0 0", "0 1 0")) + "3 0 1 2\n"
+    scene = load_scene(ply(tmp_path, (3, *XYZ, *colors), (1, FACES), body))
+    np.testing.assert_allclose(scene.meshes[0].colors[:, 3], expected, rtol=2**-23)
+    assert scene.materials[0].alpha == mode
+
+
+def test_polygons_of_several_sizes_are_read_from_text_alone(tmp_path):
+    body = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n4 0 1 2 3\n5 0 1 2 3 1\n"
+    mesh = only_mesh(ply(tmp_path, (4, *XYZ), (3, FACES), body))
+    expected = [[0, 1, 2], [0, 1, 2], [2, 3, 0], [0, 1, 2], [0, 2, 3], [0, 3, 1]]
+    np.testing.assert_array_equal(mesh.faces, expected)
+    table = np.zeros((4, 3), "<f4").tobytes() + bytes([3]) + np.int32([0, 1, 2]).tobytes() + bytes([4]) + bytes(16)
+    with pytest.raises(InputError, match="polygons of several sizes are read from text alone"):
+        load_scene(ply(tmp_path, (4, *XYZ), (2, FACES), table, "binary_little_endian"))
+
+
+def test_face_colours_of_ply_split_the_vertices(tmp_path):
+    colors = [f"property uchar {name}" for name in ("red", "green", "blue")]
+    body = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n4 0 1 2 3 255 0 0\n4 3 2 1 0 0 255 0\n"
+    mesh = only_mesh(ply(tmp_path, (4, *XYZ), (2, FACES, *colors), body))
+    np.testing.assert_array_equal(corners(mesh, "colors")[:, 1], [[1, 0, 0, 1]] * 2 + [[0, 1, 0, 1]] * 2)
+    np.testing.assert_array_equal(corners(mesh)[1], [[0, 0, 0], [0, 1, 0], [0, 0, 1]])
+    scene = load_scene(ply(tmp_path, (4, *XYZ), (2, FACES, *colors), body.replace("4 0 1 2 3", "3 0 1 2")))
+    assert scene.meshes[0].colors is None and scene.not_read == ("face colours of a.ply: its faces are of several sizes",)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_texture_coordinates_at_the_corners_of_ply_and_its_image(tmp_path, form):
+    image(tmp_path / "my image.png")
+    properties = FACES, "property list uchar float texcoord", "property int texnumber"
+    normals = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    vertices = np.concatenate([np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), normals], axis=1)
+    uv = np.float32([[0, 0, 1, 0, 0, 0.25], [0, 0, 0.5, 0, 0, 1]])
+    if form == "ascii":
+        body = "".join(" ".join(map(str, row)) + "\n" for row in vertices)
+        body += "".join(f"3 0 1 2 6 {' '.join(map(str, row))} 0\n" for row in uv)
+    else:
+        index = np.int32([0, 1, 2]).tobytes()
+        body = vertices.tobytes() + b"".join(b"\3" + index + b"\6" + row.tobytes() + bytes(4) for row in uv)
+    lines = *XYZ, *(f"property float n{k}" for k in "xyz")
+    images = "TextureFile my image.png", "TextureFile b.png"
+    scene = load_scene(ply(tmp_path, (3, *lines), (2, *properties), body, form, images))
+    (mesh,) = scene.meshes
+    np.testing.assert_array_equal(corners(mesh, "uv").reshape(2, 6), uv)
+    np.testing.assert_array_equal(corners(mesh, "normals"), np.tile(normals, (2, 1, 1)))
+    assert scene.textures[scene.materials[0].base_texture.texture].name == "my image.png"
+    assert {file.name for file in scene.files} == {"a.ply", "my image.png"}
+    assert scene.not_read == ("1 images of a.ply beyond my image.png",)
+
+
+def stl_text(*solids):
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 {z}\nVertex 1 0 {z}\nvertex 0 1e0 {z}\nendloop\nendfacet\n"
+    return "".join(f"solid {name}\n{facet.format(z=z)}endsolid {name}\n" for z, name in enumerate(solids))
+
+
+def test_solids_of_a_text_stl_are_objects(tmp_path):
+    (tmp_path / "a.stl").write_text(stl_text("Left Hand", "", "", "Left Hand"))
+    meshes = named(load_scene(tmp_path / "a.stl"))
+    assert list(meshes) == ["Left Hand", "a.stl", "geometry_2", "Left Hand_1"]
+    np.testing.assert_array_equal(corners(meshes["a.stl"])[0], [[0, 0, 1], [1, 0, 1], [0, 1, 1]])
+
+
+def test_a_binary_stl_that_begins_with_solid_is_binary(tmp_path):
+    file = tmp_path / "a.stl"
+    trimesh.creation.box().export(file)
+    data = bytearray(file.read_bytes())
+    data[:80] = b"solid facet".ljust(80)
+    file.write_bytes(data)
+    assert len(only_mesh(file).faces) == 12
+    data[-2] = 1
+    file.write_bytes(data + b"more")
+    assert load_scene(file).not_read == ("colours or other attributes of a.stl", "4 bytes behind the triangles of a.stl")
+
+
+@pytest.mark.parametrize("header", ["OFF\n", "OFF", "# of ModelNet\nOFF  "])
+def test_off_headers(tmp_path, header):
+    (tmp_path / "a.off").write_text(header + "4 2 0\n0 0 0\n1 0 0\n\n0 1 0 # corner\n0 0 1\n3 0 1 2\n4 0 1 2 3\n")
+    mesh = only_mesh(tmp_path / "a.off")
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [0, 1, 2], [2, 3, 0]])
+
+
+def test_what_of_off_is_not_read_is_named(tmp_path):
+    rows = "0 0 0 0 0 1 128 0 255 255 0 0\n1 0 0 0 0 1 128 0 255 255 1 0\n0 1 0 0 0 1 128 0 255 255 0 0.25\n"
+    (tmp_path / "a.off").write_text("STCNOFF\n3 1 0\n" + rows + "3 0 1 2 255 0 0\n")
+    scene = load_scene(tmp_path / "a.off")
+    np.testing.assert_array_equal(corners(scene.meshes[0]), [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    kinds = "texture coordinates", "colours", "normals", "colours of the faces"
+    assert scene.not_read == tuple(f"{kind} of a.off" for kind in kinds)
+
+
+def test_files_without_animations_have_no_clip_to_choose(tmp_path):
+    with pytest.raises(InputError, match="no clip 'walk'"):
+        load_scene(obj(tmp_path), "walk")

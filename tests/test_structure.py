@@ -39,7 +39,8 @@ def imports_of(name: str, tree: ast.Module) -> set[str]:
             for _ in range(node.level - 1):
                 base = base.parent
             target = (base / (node.module or "").replace(".", "/")).as_posix().strip("./")
-            found |= {f"{target}/{alias.name}".strip("/") for alias in node.names} | {target}
+            named = {f"{target}/{alias.name}".strip("/") for alias in node.names}
+            found |= named if named <= set(modules()) else named | {target}
     return found & set(modules())
 
 

@@ -7,7 +7,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 from framepairs.errors import InputError
-from framepairs.scene import load_scene
+from framepairs.scene import load_scene, usd_placement
 from usd_stages import BINDING, QUAD, figure, influences, load, matrix, placed, prim, skinned, triangles, usd, values
 
 SINGLE = float(np.finfo(np.float32).eps)
@@ -89,7 +89,7 @@ def test_authored_normals_turn_with_their_joints_and_others_are_made_anew(tmp_pa
     normals = in_order(scene, in_world(scene, 1.0)[1].normals, ARM)
     expected = [(0, 1, 0), (0, 1, 0), (-HALF, HALF, 0), (-1, 0, 0), (-1, 0, 0)]
     np.testing.assert_allclose(normals, expected, atol=4 * SINGLE)
-    smooth = load(tmp_path, arm(), header=CODES, name="smooth.usda")  # all triangles stay in the plane z = 0
+    smooth = load(tmp_path, arm(), header=CODES, name="smooth.usda", subdivision=0)  # all triangles stay in the plane z = 0
     facing = np.sign(np.cross(*(np.diff(bent_arm(90)[list(ARM_FACES[0])], axis=0)))[2])
     corner = in_order(smooth, in_world(smooth, 1.0)[1].normals, ARM)[0]
     np.testing.assert_allclose(corner, [0, 0, facing], atol=SINGLE)
@@ -279,7 +279,7 @@ def test_material_subsets_of_a_moving_mesh_move_together(tmp_path):
     subset = prim("GeomSubset", "part", *kind, "int[] indices = [1]", "rel material:binding = </a>", metadata=BINDING)
     uv = 'texCoord2f[] primvars:st = [(0,0), (1,0), (0,1), (1,1)] (interpolation = "vertex")'
     mesh = prim("Mesh", "m", triangles(points, ((0, 1, 2), (2, 1, 3))), uv, subset, metadata=BINDING)
-    scene = load(tmp_path, prim("Material", "a"), mesh, header=CODES)
+    scene = load(tmp_path, prim("Material", "a"), mesh, header=CODES, subdivision=0)
     assert [item.name for item in scene.objects] == ["/m/part", "/m"] and set(scene.deformed(0.5)) == {0, 1}
     for index in (0, 1):
         now = scene.deformed(0.5)[index]
@@ -459,6 +459,13 @@ def test_ten_thousand_instances(tmp_path):
     np.testing.assert_array_equal(found[:, :3, 3], positions + [0, 0, 5])
 
 
+def test_too_many_instances_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(usd_placement, "MOST_INSTANCES", 2)
+    load(tmp_path, instancer(TWICE, "point3f[] positions = [(0,0,0), (1,0,0)]"))
+    with pytest.raises(InputError, match=r"more.usda, /many: 3 instances, more than 2"):
+        load(tmp_path, instancer("int[] protoIndices = [0, 0, 0]"), name="more.usda")
+
+
 TURNED = triangles(TRIANGLE).replace("Indices = [0, 1, 2]", "Indices.timeSamples = { 0: [0,1,2], 5: [0,2,1] }")
 ELBOW = "[0, 1, 0, 1, 1, 0, 0, 1, 1, 0]"
 
@@ -475,9 +482,15 @@ ELBOW = "[0, 1, 0, 1, 1, 0, 0, 1, 1, 0]"
         (arm().replace(ELBOW, "[0, 1, 0, 1, 1, 0, 0, 5, 1, 0]"), "/fig/arm: joint index 5 with only 2"),
         (blended("{ 0: [0, 0] }", UP, OUT.replace("[2]", "[3]")), "/fig/m/out: offsets do not fit the 3 points of /fig/m"),
         (instancer("int[] protoIndices = [2]", ONCE), "/many: prototype index 2 with only 1"),
+        (instancer("int[] protoIndices = [-1]", ONCE), "/many: prototype index -1 with only 1"),
+        (instancer("int[] protoIndices = [0]", ONCE.replace("(0,0,0)", "(nan,0,0)")), "/many: positions,.*not finite"),
+        (
+            prim("PointInstancer", "many", "rel prototypes = [</gone>]", "int[] protoIndices = [0]", ONCE),
+            "/many: names a prototype that is not there",
+        ),
         (instancer(TWICE, ONCE), "/many: positions, orient.* its 2 instances"),
     ],
-    ids=["faces", "points", "influences", "joint", "offsets", "prototype", "positions"],
+    ids=["faces", "points", "influences", "joint", "offsets", "prototype", "negative", "nan", "gone", "positions"],
 )
 def test_what_does_not_fit_is_refused_with_the_prim(tmp_path, text, says):
     file = usd(tmp_path, text)

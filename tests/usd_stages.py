@@ -23,8 +23,8 @@ def usd(folder, *prims, header='upAxis = "Y"', name="scene.usda"):
     return file
 
 
-def load(folder, *prims, **keys):
-    return load_scene(usd(folder, *prims, **keys))
+def load(folder, *prims, subdivision=2, allow_outside=False, **keys):
+    return load_scene(usd(folder, *prims, **keys), subdivision=subdivision, allow_outside=allow_outside)
 
 
 def placed(kind, value):

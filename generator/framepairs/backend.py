@@ -125,7 +125,7 @@ def opaque(kind, values):
 
 def versions() -> dict[str, str]:
     """Versions of what decides pixels and files."""
-    return {name: version(name) for name in ("framepairs", "mitsuba", "drjit", "OpenEXR", "usd-core", "trimesh")}
+    return {name: version(name) for name in ("framepairs", "mitsuba", "drjit", "OpenEXR", "usd-core", "trimesh", "pillow")}
 
 
 def describe_machine() -> dict:

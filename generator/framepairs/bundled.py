@@ -30,10 +30,10 @@ def find_scene(scene: str) -> Path:
     return _existing(bundled or Path(scene), "scene", scene_names())
 
 
-def find_camera_path(path: str) -> Path:
-    """The JSON file of a bundled camera path's name, or `path` itself when it is a file."""
+def find_camera_path(path: str, others: tuple[str, ...] = ()) -> Path:
+    """The JSON file of a bundled camera path's name, or `path` itself when it is a file. others: names for the error alone."""
     bundled = bundled_folder("camera_paths") / f"{path}.json" if path in camera_path_names() else None
-    return _existing(bundled or Path(path), "camera path", camera_path_names())
+    return _existing(bundled or Path(path), "camera path", [*camera_path_names(), *others])
 
 
 def _description_of(folder: Path) -> Path | None:

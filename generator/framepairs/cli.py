@@ -12,13 +12,17 @@ import typer
 from . import __version__
 from .bundled import camera_path_names, find_camera_path, find_scene, scene_names
 from .errors import CheckFailed, FramepairsError, InputError, MachineError
-from .terminal import constant_text, error_console, out_console, print_rows, print_table, print_upscaled, progress
+from .terminal import error_console, out_console, print_description, print_rows, print_table, print_upscaled, progress
 
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, help=__doc__)
 
 Json = Annotated[bool, typer.Option("--json", help="print JSON for machines")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no summary")]
 Backend = Annotated[str, typer.Option(help="auto, llvm or cuda")]
+Clip = Annotated[str | None, typer.Option(help="animation clip of a glTF file; default: the first")]
+EnvironmentFile = Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")]
+AllowOutside = Annotated[bool, typer.Option("--allow-outside", help="the scene may read files outside its own folder")]
 CorpusFolder = Annotated[Path, typer.Argument(metavar="CORPUS", help="folder of a corpus")]
 
 
@@ -92,8 +96,10 @@ def cameras(json_: Json = False) -> None:
 
 @app.command()
 def render(
-    scene: Annotated[str, typer.Argument(help="bundled name, or .usd* .gltf .glb .obj .ply .stl .off file")],
-    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file; default: the scene's, or an orbit")] = None,
+    scene: Annotated[str, typer.Argument(help="bundled name, or .usd* .gltf .glb .xml .obj .ply .stl .off file")],
+    camera: Annotated[
+        str | None, typer.Option(help="bundled name, JSON file, or a camera of the scene; default: the scene's, or an orbit")
+    ] = None,
     scale: Annotated[list[float] | None, typer.Option(help="scale factor of LR streams, repeatable")] = None,
     display: Annotated[str | None, typer.Option(help="HR size, as 1920x1080")] = None,
     frames: Annotated[str | None, typer.Option(help="first:end, as 0:32; default: the whole path")] = None,
@@ -103,10 +109,12 @@ def render(
     seed: Annotated[int | None, typer.Option(help="seed of the light paths")] = None,
     streams: Annotated[str | None, typer.Option(help="LR native,jittered,mip,jittered_mip and hr_native,hr_mip0")] = None,
     channels: Annotated[str | None, typer.Option(help="a,b,c for exactly these, 'all', or 'needed'")] = None,
-    environment: Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")] = None,
-    clip: Annotated[str | None, typer.Option(help="animation clip of a glTF file; default: the first")] = None,
+    environment: EnvironmentFile = None,
+    clip: Clip = None,
+    overlay: Annotated[Path | None, typer.Option(help="JSON file of texts and images that are drawn over the frames")] = None,
     plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
-    settings: Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")] = None,
+    settings: Settings = None,
+    allow_outside: AllowOutside = False,
     backend: Backend = "auto",
     out: Annotated[Path | None, typer.Option(help="folder; default: ./<scene>-corpus")] = None,
     quiet: Quiet = False,
@@ -121,7 +129,8 @@ def render(
     resolved = make_plan(values, file=plan or "options")
     scene_file = find_scene(scene)
     _activate(backend)
-    job = make_job(scene, scene_file, camera, environment, resolved, out or Path(f"{scene_file.stem}-corpus"), clip)
+    default = Path(f"{scene_file.stem}-corpus")
+    job = make_job(scene, scene_file, camera, environment, resolved, out or default, clip, None, allow_outside, overlay)
     _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
 
 
@@ -131,6 +140,7 @@ def regenerate(
     scale: Annotated[list[float], typer.Option(help="scale factor of the new LR streams, repeatable")],
     out: Annotated[Path | None, typer.Option(help="write a new corpus there instead of adding streams")] = None,
     scene: Annotated[str | None, typer.Option(help="where the scene lies now, if it was moved")] = None,
+    allow_outside: AllowOutside = False,
     backend: Backend = "auto",
     quiet: Quiet = False,
     json_: Json = False,
@@ -146,7 +156,7 @@ def regenerate(
     scales = kept + tuple(value for value in scale if value not in kept)
     resolved = make_plan(plan.model_dump() | {"scales": scales}, file="options")
     _activate(backend)
-    jobs = [stored_job(opened.sequence(name), scene, resolved, out or corpus) for name in opened.sequences]
+    jobs = [stored_job(opened.sequence(name), scene, resolved, out or corpus, allow_outside) for name in opened.sequences]
     if scene is not None and not any(moved for _, moved in jobs):
         raise InputError("is no scene of this corpus (sha256 differs)", file=scene)
     for (job, _), name in zip(jobs, opened.sequences, strict=True):
@@ -157,45 +167,30 @@ def regenerate(
 @app.command()
 def describe(
     scene: Annotated[str, typer.Argument(help="bundled name or scene file")],
-    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file")] = None,
+    camera: Annotated[str | None, typer.Option(help="bundled name, JSON file, or a camera of the scene")] = None,
+    clip: Clip = None,
+    environment: EnvironmentFile = None,
+    display: Annotated[str | None, typer.Option(help="HR size, as 1920x1080")] = None,
+    settings: Settings = None,
+    measure: Annotated[bool, typer.Option(help="measure what leaving out saves (renders a frame)")] = True,
+    allow_outside: AllowOutside = False,
     json_: Json = False,
 ) -> None:
-    """Say what a scene holds, which channels it needs and why, and what of it is not read."""
+    """Say what a scene holds, which channels it needs and why, what leaving the others out saves, and what is not read."""
     from dataclasses import asdict
 
-    from .frame import Shoot
-    from .options import camera_path_of
-    from .plan import RenderPlan
-    from .scene import light_scene, load_scene
-    from .scene.needs import channel_needs
+    from .options import make_job, plan_options
+    from .plan import make_plan
+    from .scene_report import facts, rows
 
-    described, light = light_scene(load_scene(find_scene(scene)), None)
-    path, path_name = camera_path_of(scene, camera, described)
-    needs = channel_needs(described, Shoot(described, path, 16 / 9).samples, RenderPlan())
-    missing = [*described.not_read, *(f"{m.name}: {what}" for m in described.materials for what in m.not_read)]
-    facts = {
-        "objects": len(described.objects),
-        "triangles": sum(len(described.meshes[item.mesh].faces) for item in described.objects),
-        "materials": len(described.materials),
-        "texels": sum(texture.texels.shape[0] * texture.texels.shape[1] for texture in described.textures),
-        "lights": len(described.lights),
-        "light": light or "its own",
-        "camera path": path_name,
-        "not read": missing,
-    }
+    nothing = dict.fromkeys(("scale", "shading", "aa", "spp", "seed", "streams", "channels"))
+    plan = make_plan(plan_options(**nothing, display=display, settings=settings), file="options")
+    job = make_job(scene, find_scene(scene), camera, environment, plan, Path(), clip, allow_outside=allow_outside)
+    found, channels = facts(job.scene, job.environment, job.path_name), rows(job, measured=measure)
     if json_:
-        rows = {name: asdict(need) for name, need in needs.items()}
-        print(json.dumps(facts | {"channels": rows}, indent=1))
-        return
-    print_table(described.name, ["", ""], [(key, value) for key, value in facts.items() if key != "not read"])
-    rows = [(n.channel, "needed" if n.needed else constant_text(n), n.why) for n in needs.values()]
-    print_table("channels", ["channel", "as", "why"], rows)
-    for line in missing:
-        out_console.print(f"not read: {line}", markup=False)
-    out_console.print("F_beta may exceed 1 at grazing angles: Lambert plus specular does not conserve energy")
-    glowing = sum(any(described.materials[item.material].emission) for item in described.objects)
-    if glowing:
-        out_console.print(f"{glowing} objects glow; in raster they light others with --set mesh_lights=true")
+        print(json.dumps(found | {"channels": {row.name: asdict(row) for row in channels}}, indent=1))
+    else:
+        print_description(job.scene, found, channels)
 
 
 @app.command()

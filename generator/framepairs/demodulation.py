@@ -40,7 +40,7 @@ def divisor(f_beta: Array, floor: Floor) -> Array:
 
 def demodulate(color: Array, emission: Array, f_beta: Array, floor: Floor) -> Array:
     """Lighting = (colour - emission) / divisor, all [..., 3], scene-linear. Finite for finite input; negative only where a
-    blended layer darkens what shines behind it."""
+    blended layer darkens what shines behind it. Under an overlay (`overlay` > 0) it holds the overlay: mask it."""
     return (_at_least_single(color) - _at_least_single(emission)) / divisor(f_beta, floor)
 
 

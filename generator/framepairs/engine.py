@@ -17,6 +17,8 @@ from .jitter import antialiasing_positions, jitter
 from .lights import Lights, lights_around
 from .materials import with_values
 from .motion import Before, Motion, motion_of
+from .overlay import build_layer, composited, overlay_of, overlays_around
+from .overlay_elements import Overlay
 from .path_tracing import path_light, path_seed
 from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
@@ -26,6 +28,7 @@ from .scene.needs import table_need
 from .shading import Shading, build_shading
 
 AVERAGED = ("color", "emission", "brdf", "transparency")
+PASSES = ("brdf_table", "gbuffer", "motion", "dual_motion", "radiance", "path", "overlay")
 PATH_CHANNELS = frozenset({"color", "color_variance"})
 
 
@@ -59,16 +62,18 @@ class _Moment:
 class Engine:
     """A scene on the device, ready to render any of its frames.
 
-    passes counts how often each pass was run, so that a test can prove that an unneeded one never was.
+    overlay: what is drawn over colour. passes counts how often each pass was run, so that a test can prove that an unneeded
+    one never was.
     """
 
-    def __init__(self, scene: SceneDescription, plan: RenderPlan):
+    def __init__(self, scene: SceneDescription, plan: RenderPlan, overlay: Overlay | None = None):
         self.scene, self.plan = scene, plan
+        self._overlay = build_layer(overlay, scene) if overlay is not None and overlay.elements else None
         model, specular = brdf_model(plan), plan.channels == "all" or table_need(scene).needed
         table = brdf_table(model, plan.brdf_table) if specular else None
         self.shading = build_shading(scene, plan, Brdf(model, table))
         self._lit = plan.shading == "raster"
-        self.passes = dict.fromkeys(("brdf_table", "gbuffer", "motion", "dual_motion", "radiance", "path"), 0)
+        self.passes = dict.fromkeys(PASSES, 0)
         self.passes["brdf_table"] += specular
 
     def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
@@ -105,10 +110,19 @@ class Engine:
             )
             columns |= {"color": columns["emission"] + found.reflected, "color_variance": found.variance}
             firefly, rejected = found.firefly, found.rejected
+        if self._overlay is not None and channels & {"overlay", *PATH_CHANNELS}:
+            columns |= self._overlaid(frame, stream, offset, columns)
         columns = {name: value for name, value in columns.items() if name in channels}
         dr.eval(columns, firefly, rejected)  # together: each evaluation by itself would trace all paths again
         arrays = {name: _to_array(value, stream.size) for name, value in columns.items()}
         return StreamFrame(stream, offset, arrays, int(dr.count(firefly)[0]), int(dr.sum(rejected)[0]))
+
+    def _overlaid(self, frame: FrameState, stream: Stream, offset: tuple[float, float], columns: dict) -> dict:
+        """Colour under the overlay, its variance, and the overlay's coverage."""
+        self.passes["overlay"] += 1
+        value = overlay_of(overlays_around(self._overlay, frame, stream), stream, offset)
+        drawn = {"overlay": value.alpha, "color_variance": columns["color_variance"] * dr.square(1 - value.alpha)}
+        return drawn | ({"color": composited(columns["color"], value)} if "color" in columns else {})
 
     def _single_sample(self, moment: _Moment, stream: Stream, offset: tuple[float, float], channels: frozenset[str]) -> dict:
         """Lazily, every channel from one sample per pixel at centre - J."""

@@ -218,8 +218,8 @@ def path_of_camera(camera: SceneCamera, end_s: float, fps: float = 24, still_fra
         for frame, view in zip(frames, views, strict=True)
     ]
     kind = "perspective" if first.height is None else "orthographic"
-    values = {"version": 1, "fps": fps, "projection": kind, "near": first.near, "far": first.far, "poses": poses}
-    return make_camera_path(values, file=camera.name)
+    planes = {"near": first.near or None, "far": first.far or None}
+    return make_camera_path({"version": 1, "fps": fps, "projection": kind, **planes, "poses": poses}, file=camera.name)
 
 
 def orbit(scene: SceneDescription, frames: int = 32, fps: float = 24, fov_y_deg: float = 45) -> CameraPath:

@@ -9,6 +9,7 @@ from .materials import (
     Footprint,
     MaterialTable,
     Surface,
+    bump_change,
     bumps_by_second,
     emitted,
     is_blended,
@@ -232,6 +233,8 @@ def _bent(
     if triangle.second is not None:
         second = bumps_by_second(materials, material, valid)
         uv_edge1, uv_edge2 = dr.select(second, triangle.second[1], uv_edge1), dr.select(second, triangle.second[2], uv_edge2)
+    if materials.moves_uv:
+        uv_edge1, uv_edge2 = (bump_change(materials, material, edge, valid) for edge in (uv_edge1, uv_edge2))
     determinant = uv_edge1.x * uv_edge2.y - uv_edge1.y * uv_edge2.x
     tangent = (triangle.edge1 * uv_edge2.y - triangle.edge2 * uv_edge1.y) * dr.sign(determinant)
     tangent = tangent - normal * dr.dot(normal, tangent)

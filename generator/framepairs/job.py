@@ -23,8 +23,9 @@ from .manifest import (
     to_json,
     write_atomically,
 )
+from .overlay_elements import Overlay
 from .plan import STREAM_KEYS, RenderPlan, brdf_model, jitter_length, plan_streams
-from .scene import scene_hash
+from .scene import files_hash, scene_hash
 from .scene.description import SceneDescription
 from .scene.needs import Need, channel_needs, equal_streams, table_need
 
@@ -43,6 +44,7 @@ class Job:
     plan: RenderPlan
     out: Path
     clip: str | None = None
+    overlay: Overlay | None = None
 
     @cached_property
     def shoot(self) -> Shoot:
@@ -54,12 +56,13 @@ class Job:
 
     @cached_property
     def needs(self) -> dict[str, Need]:
-        return channel_needs(self.scene, self.shoot.samples, self.plan)
+        return channel_needs(self.scene, self.shoot.samples, self.plan, bool(self.overlay and self.overlay.elements))
 
     @cached_property
     def equal_streams(self) -> dict[str, str]:
-        """Streams that become no files, and those that they equal."""
-        return {} if self.plan.channels == "all" else equal_streams(self.scene, self.plan)
+        """Streams that become no files, and those that they equal. An overlay is filtered by the mip bias, too."""
+        forced = self.plan.channels == "all" or self.needs["overlay"].needed
+        return {} if forced else equal_streams(self.scene, self.plan)
 
     @cached_property
     def streams(self) -> tuple[Stream, ...]:
@@ -82,6 +85,10 @@ class Job:
         return tuple(channel for channel in self.table if channel.name in chosen)
 
     @cached_property
+    def overlay_sha256(self) -> str | None:
+        return files_hash(self.overlay.files) if self.overlay is not None else None
+
+    @cached_property
     def scene_sha256(self) -> str:
         return scene_hash(self.scene)
 
@@ -94,6 +101,7 @@ class Job:
                 "scene": self.scene_sha256,
                 "environment": self.environment,
                 "animation_clip": self.clip,
+                "overlay": self.overlay_sha256,
                 "camera_path": self.path.model_dump(mode="json"),
                 "sequence": self.sequence,
                 "frame": frame,
@@ -184,6 +192,8 @@ def _sequence_record(job: Job) -> SequenceRecord:
         deforming=[index for index, item in enumerate(job.scene.objects, start=1) if job.scene.meshes[item.mesh].deforms],
         not_demodulated=_not_demodulated(job),
         animation_clip=job.clip,
+        overlay=str(job.overlay.files[0]) if job.overlay is not None else None,
+        overlay_sha256=job.overlay_sha256,
         channels=[channel.name for channel in job.channels],
         constants=constants,
         equal_streams=job.equal_streams,

@@ -128,6 +128,13 @@ def bumps_by_second(table: MaterialTable, material: mi.UInt32, active: mi.Bool) 
     return dr.gather(mi.UInt32, table.sets, place, active) == 1
 
 
+def bump_change(table: MaterialTable, material: mi.UInt32, change: mi.Vector2f, active: mi.Bool) -> mi.Vector2f:
+    """A change of uv [2] after the transform of the material's normal map, whose x and y lie along the transformed uv."""
+    place = material * len(SLOTS) + SLOTS.index("normal_texture")
+    u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, active) for row in range(2))
+    return mi.Vector2f(u.x * change.x + u.y * change.y, v.x * change.x + v.y * change.y)
+
+
 def is_opaque(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
     return dr.gather(mi.UInt32, table.alpha, material, active) == ALPHA_CODE["opaque"]
 

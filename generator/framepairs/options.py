@@ -8,9 +8,10 @@ from typing import Any
 from .bundled import camera_path_names, find_camera_path, find_scene
 from .camera_path import CameraPath, read_camera_path
 from .errors import InputError
-from .frame import check_frames, orbit
+from .frame import check_frames, orbit, path_of_camera
+from .overlay_elements import read_overlay
 from .plan import RenderPlan
-from .scene import light_scene, load_scene, scene_hash
+from .scene import files_hash, light_scene, load_scene, scene_hash
 from .scene.description import SceneDescription
 
 HR_STREAMS = ("hr_native", "hr_mip0")
@@ -43,12 +44,20 @@ def plan_options(scale, display, shading, aa, spp, seed, streams, channels, sett
 
 
 def camera_path_of(scene: str, camera: str | None, described: SceneDescription) -> tuple[CameraPath, str]:
-    """The path that was asked for, else the one of the scene's name, else an orbit; and what the manifest calls it."""
+    """The path that was asked for (a bundled name, a file, or a camera of the scene), else the one of the scene's name, else
+    an orbit; and what the manifest calls it."""
     if camera is None and scene in camera_path_names():
         camera = scene
     if camera is None:
         return orbit(described), "orbit"
-    return read_camera_path(find_camera_path(camera)), camera
+    of_scene = {item.name: item for item in described.cameras}
+    if camera in of_scene and camera not in camera_path_names() and not Path(camera).is_file():
+        return path_of_camera(of_scene[camera], described.animation_end_s), camera
+    return read_camera_path(find_camera_path(camera, tuple(of_scene))), camera
+
+
+def read_scene(file: Path, clip: str | None, plan: RenderPlan, allow_outside: bool) -> SceneDescription:
+    return load_scene(file, clip, allow_outside=allow_outside, subdivision=plan.subdivision)
 
 
 def make_job(
@@ -60,32 +69,47 @@ def make_job(
     out: Path,
     clip: str | None = None,
     stored=None,
+    allow_outside: bool = False,
+    overlay: Path | None = None,
 ):
     """The Job of a scene; `stored` is the SequenceRecord that it must repeat."""
     from .job import Job  # activates a back end
 
     if environment is not None and not environment.is_file():
         raise InputError("no such environment", file=environment)
-    lit, light = light_scene(load_scene(file, clip), environment)
+    lit, light = light_scene(read_scene(file, clip, plan, allow_outside), environment)
     if stored is not None and scene_hash(lit) != stored.scene_sha256:
         raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
     path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
+    drawn_over = read_overlay(overlay, allow_outside) if overlay is not None else None
+    if stored is not None and drawn_over is not None and files_hash(drawn_over.files) != stored.overlay_sha256:
+        raise InputError("is not the overlay that the corpus was rendered with (sha256 differs)", file=overlay)
     return Job(
-        scene=lit, scene_name=scene, environment=light, path=path, path_name=path_name, plan=plan, out=out, clip=clip
-    )  # fmt: skip
+        scene=lit,
+        scene_name=scene,
+        environment=light,
+        path=path,
+        path_name=path_name,
+        plan=plan,
+        out=out,
+        clip=clip,
+        overlay=drawn_over,
+    )
 
 
-def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path):
+def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path, allow_outside: bool = False):
     """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
     clip = entry.animation_clip
     environment = Path(entry.environment) if entry.environment not in (None, "default") else None
+    overlay = Path(entry.overlay) if entry.overlay is not None else None
+    rest = None, environment, plan, out, clip, entry, allow_outside, overlay
     if moved_to is not None:
         try:
-            return make_job(entry.scene, find_scene(moved_to), None, environment, plan, out, clip, entry), True
+            return make_job(entry.scene, find_scene(moved_to), *rest), True
         except InputError as error:
             if "sha256 differs" not in error.problem:
                 raise
-    return make_job(entry.scene, find_scene(entry.scene), None, environment, plan, out, clip, entry), False
+    return make_job(entry.scene, find_scene(entry.scene), *rest), False
 
 
 def frame_range(text: str | None, count: int) -> range:

@@ -69,7 +69,7 @@ def render_sequence(job: Job, frames: Sequence[int], *, add_streams: bool = Fals
                 yield Progress(frame=state.frame, rendered=False, bytes=0)
                 continue
             if engine is None:
-                engine = Engine(job.scene, job.plan)
+                engine = Engine(job.scene, job.plan, job.overlay)
             jobs = [_submit(job, engine, writers, folder, state, stream) for stream in missing]
             waiting.append((state, record, jobs))
             if len(waiting) > 1:  # one frame is being written while the next is rendered

@@ -10,7 +10,9 @@ from .bundled import bundled_folder
 from .camera_path import CameraPath
 from .errors import InputError
 from .manifest import CorpusManifest, FrameRecord, SequenceIndex
+from .overlay_elements import OverlayFile
 from .plan import RenderPlan
+from .scene.animation import SceneAnimation
 
 MODELS = {
     "render_plan": RenderPlan,
@@ -18,6 +20,8 @@ MODELS = {
     "corpus": CorpusManifest,
     "sequence": SequenceIndex,
     "frame": FrameRecord,
+    "overlay": OverlayFile,
+    "scene_animation": SceneAnimation,
 }
 
 

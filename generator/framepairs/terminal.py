@@ -27,10 +27,28 @@ def print_upscaled(sequence: str, rows: list[dict]) -> None:
     print_table(f"{sequence}: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
 
 
-def constant_text(need) -> str:
-    if need.same_as:
-        return f"same as {need.same_as}"
-    return "constant " + " ".join(f"{value:.4g}" for value in need.constant)
+def print_description(scene, found: dict, channels: list) -> None:
+    """What `scene_report` found: facts, a line per channel, and what is not read."""
+    shown = {key: ", ".join(value) if isinstance(value, list) else value for key, value in found.items() if key != "not read"}
+    print_table(scene.name, ["", ""], shown.items())
+    values = ["needed" if row.needed else row.value for row in channels]
+    savings = [_saving_text(row.bytes, row.milliseconds) for row in channels]
+    rows = [(row.name, value, row.why, *saved) for row, value, saved in zip(channels, values, savings, strict=True)]
+    print_table("channels", ["channel", "as", "why", "MB saved", "ms saved"], rows)
+    for line in found["not read"]:
+        out_console.print(f"not read: {line}", markup=False)
+    out_console.print("F_beta may exceed 1 at grazing angles: Lambert plus specular does not conserve energy")
+    glowing = sum(any(scene.materials[item.material].emission) for item in scene.objects)
+    if glowing:
+        out_console.print(f"{glowing} objects glow; in raster they light others with --set mesh_lights=true")
+    if found["single-sided objects"]:
+        out_console.print("single-sided objects are drawn from both sides; --set cull_back_faces=true leaves their backs out")
+
+
+def _saving_text(size: int | None, milliseconds: float | None) -> tuple[str, str]:
+    if size is None:
+        return "?", "?"
+    return (f"{size / 1e6:.3f}" if size else "", f"{milliseconds:.1f}" if milliseconds else "")
 
 
 def print_rows(columns: list[str], rows: list[tuple], json_: bool) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from analytic import Stage, at, make_scene, path_of, uv_sphere
-from framepairs.scene.description import Material, default_environment
+from framepairs.scene.default_sky import default_environment
+from framepairs.scene.description import Material
 
 ROUGHNESS = [0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 MATERIALS = {

@@ -7,30 +7,82 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .description import Environment, SceneDescription, Texture, default_environment, rotation_from_y_up
+from .containment import reach_of
+from .default_sky import default_environment
+from .description import Environment, Material, SceneDescription, Texture, rotation_from_y_up
 from .images import linear_texels, read_image
 
 LARGEST_HALF = 65504
+SUBDIVISION = 2
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+GLTF_SUFFIXES = (".gltf", ".glb")
+TRIANGLE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
+SUFFIXES = (*USD_SUFFIXES, *GLTF_SUFFIXES, ".xml", *TRIANGLE_SUFFIXES)
 
 
-def load_scene(file: Path, clip: str | None = None) -> SceneDescription:
-    """The scene in `file`, by its suffix, with the animation clip of that name (glTF; the first by default). Raises InputError
-    naming the file."""
+def load_scene(
+    file: Path, clip: str | None = None, *, allow_outside: bool = False, subdivision: int = SUBDIVISION
+) -> SceneDescription:
+    """The scene in `file`, by its suffix, with the animation clip of that name (glTF; the first by default).
+
+    allow_outside: it may name files outside its own folder. subdivision: how often subdivision surfaces are refined. Raises
+    InputError naming the file.
+    """
+    return solid_where_opaque(_read_scene(file, clip, allow_outside, subdivision))
+
+
+def solid_where_opaque(scene: SceneDescription) -> SceneDescription:
+    """The scene in which materials that blend but let nothing through anywhere are opaque: exporters write many of them, and
+    G-buffers would miss their surfaces."""
+    if scene.materials_at is not None:
+        return scene
+    see_through = {
+        item.material
+        for item in scene.objects
+        if (colors := scene.meshes[item.mesh].colors) is not None and (colors[:, 3] < 1).any()
+    }
+    materials = tuple(
+        replace(material, alpha="opaque") if _blends_nothing(scene, material) and index not in see_through else material
+        for index, material in enumerate(scene.materials)
+    )
+    return replace(scene, materials=materials)
+
+
+def _blends_nothing(scene: SceneDescription, material: Material) -> bool:
+    if material.alpha != "blend" or material.opacity < 1:
+        return False
+    if material.base_texture is None:
+        return True
+    texture = scene.textures[material.base_texture.texture]
+    full = 255 if texture.texels.dtype == np.uint8 else 1
+    return (texture.scale[3], texture.bias[3]) == (1, 0) and bool((texture.texels[..., 3] >= full).all())
+
+
+def _read_scene(file: Path, clip: str | None, allow_outside: bool, subdivision: int) -> SceneDescription:
     suffix = file.suffix.lower()
     if not file.is_file():
         raise InputError("no such scene", file=file)
-    if suffix in (".usd", ".usda", ".usdc", ".usdz"):
+    if clip is not None and suffix not in GLTF_SUFFIXES:
+        raise InputError(f"files of this format have one animation or none, no clip {clip!r}", file=file, field="clip")
+    reach = reach_of(file, allow_outside)
+    if suffix in USD_SUFFIXES:
         from .usd import load_usd
 
-        if clip is not None:
-            raise InputError(f"has one animation, no clip {clip!r}", file=file, field="clip")
+        return load_usd(file, reach, subdivision)
+    if suffix in GLTF_SUFFIXES:
+        from .gltf import load_gltf
 
-        return load_usd(file)
-    from .triangles import SUFFIXES, load_triangles
+        return load_gltf(file, reach, clip)
+    if suffix == ".xml":
+        from .mitsuba import load_mitsuba
 
-    if suffix in SUFFIXES:
-        return load_triangles(file, clip)
-    raise InputError(f"unknown scene format {suffix!r}: .usd .usda .usdc .usdz {' '.join(SUFFIXES)} are read", file=file)
+        return load_mitsuba(file, reach)
+    if suffix in TRIANGLE_SUFFIXES:
+        from .animation import with_animation
+        from .triangles import load_triangles
+
+        return with_animation(load_triangles(file, reach), file, reach)
+    raise InputError(f"unknown scene format {suffix!r}: {' '.join(SUFFIXES)} are read", file=file)
 
 
 def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[SceneDescription, str | None]:
@@ -46,7 +98,7 @@ def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[Scen
         return _with_sky(replace(scene, files=(*scene.files, environment)), sky), str(environment)
     if scene.environment is not None:
         return _with_sky(scene, scene.environment), None
-    if scene.lights:
+    if scene.lights or any(scene.materials[item.material].shines for item in scene.objects):
         return replace(scene, environment=Environment(name="black", texels=np.zeros((1, 2, 3), np.float32))), None
     return replace(scene, environment=default_environment(scene.up_axis)), "default"
 
@@ -64,9 +116,14 @@ def _with_sky(scene: SceneDescription, sky: Environment) -> SceneDescription:
 
 def scene_hash(scene: SceneDescription) -> str:
     """sha256 over the names (relative to the main file) and contents of all files that were read."""
+    return files_hash(scene.files)
+
+
+def files_hash(files: tuple[Path, ...]) -> str:
+    """sha256 over the names (relative to the first one's folder) and contents of files."""
     digest = hashlib.sha256()
-    folder = scene.files[0].resolve().parent if scene.files else Path()
-    for file in sorted(scene.files, key=lambda item: _relative(item, folder)):
+    folder = files[0].resolve().parent if files else Path()
+    for file in sorted(files, key=lambda item: _relative(item, folder)):
         digest.update(_relative(file, folder).encode() + b"\0")
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()

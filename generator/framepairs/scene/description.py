@@ -15,7 +15,8 @@ class Texture:
     """An image with its way of being read.
 
     texels: [height, width, 4], uint8 or float32, first row at v = 1 (top), alpha 1 where the file has none. srgb: RGB
-    are sRGB-encoded (alpha never is). wrap: for u and v. scale, bias: applied to the decoded value, per component.
+    are sRGB-encoded (alpha never is), which acts on uint8 texels alone. wrap: for u and v. scale, bias: applied to the decoded
+    value, per component.
     """
 
     name: str
@@ -192,7 +193,7 @@ class SceneDescription:
     vertices of every mesh that deforms, by mesh index; None where none does. visible: of the time to [objects] bool; None
     where all objects are always drawn. lights_at, materials_at: of the time to the lights and materials, in their order; None
     where none changes. Only a light's place, direction, extent and radiance may change, and a material's constants and uv
-    transforms. cameras: which a camera path may be made of. files: every file that was read, the main one first. up_axis: 'Y' or 'Z'. not_read:
+    transforms. cameras: which a camera path may be made of. files: every file that was read, the main one first. not_read:
     what the file holds and we do not draw, each a sentence.
     """
 
@@ -258,27 +259,6 @@ def scene_bounds(scene: SceneDescription, time_s: float = 0.0) -> tuple[NDArray[
             corners.append((box @ matrix.T)[:, :3])
     stacked = np.concatenate(corners) if corners else np.zeros((1, 3))
     return stacked.min(axis=0), stacked.max(axis=0)
-
-
-def default_environment(up_axis: str) -> Environment:
-    """The light of a scene that brings none: an overcast studio sky, 0.5 below the horizon to 1.25 above, with a bright
-    soft patch 45 degrees up so that shapes read. Radiance; mean about 1."""
-    height, width = 64, 128
-    latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
-    longitude = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
-    x = np.cos(latitude)[:, None] * np.sin(longitude)
-    y = np.sin(latitude)[:, None] * np.ones(width)
-    z = np.cos(latitude)[:, None] * np.cos(longitude)
-    blend = 1 / (1 + np.exp(-12 * y))
-    key = np.array([0.5, 0.707, 0.5]) @ np.stack([x, y, z]).reshape(3, -1)
-    patch = 6 * np.exp(12 * (key.reshape(height, width) - 1))
-    gray = 0.5 + 0.75 * blend + patch
-    tint = np.array([0.98, 1.0, 1.03])
-    return Environment(
-        name="default",
-        texels=(gray[..., None] * tint).astype(np.float32),
-        world_from_environment=rotation_from_y_up(up_axis),
-    )
 
 
 def rotation_from_y_up(up_axis: str) -> NDArray[np.float64]:

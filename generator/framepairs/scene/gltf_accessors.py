@@ -8,16 +8,33 @@ from .gltf_document import Document
 
 COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-MAX_COUNT = 2**28  # refuses counts that only a damaged file can mean, before memory is asked for
+TYPES = {width: kind for kind, width in WIDTHS.items()}
 
 
 def read_numbers(document: Document, index: int, *types: str) -> NDArray:
-    """[count, width]: accessor `index`, which must be of one of `types`.
+    """[count, width]: accessor `index`, which must be of one of `types`; read once, and not to be written to.
 
     float32 as stored; float64 for integers, which are divided by their greatest value where they are normalized (signed
     ones clamped to -1, equation of chapter 3.6.2.2) and kept as they are where not. Raises InputError naming the accessor,
     also for values that are not finite.
     """
+    if ("numbers", index) not in document.arrays:
+        document.arrays["numbers", index] = _numbers(document, index, types)
+    values = document.arrays["numbers", index]
+    _expect_type(document, index, TYPES[values.shape[1]], types)
+    return values
+
+
+def read_integers(document: Document, index: int, kind: str) -> NDArray:
+    """[count, width]: accessor `index` of whole numbers from 0. Raises InputError where it holds others."""
+    values = _read(document, index, (kind,))
+    if values.dtype.kind != "u":
+        problem = f"unsigned whole numbers were expected, {values.dtype} came"
+        raise InputError(problem, file=document.file, field=f"accessors[{index}]")
+    return values
+
+
+def _numbers(document: Document, index: int, types: tuple[str, ...]) -> NDArray:
     values = _read(document, index, types)
     if values.dtype == np.float32:
         if not np.isfinite(values).all():
@@ -28,31 +45,27 @@ def read_numbers(document: Document, index: int, *types: str) -> NDArray:
     return np.maximum(values / np.float64(np.iinfo(values.dtype).max), -1.0)
 
 
-def read_integers(document: Document, index: int, kind: str) -> NDArray[np.int64]:
-    """[count, width]: accessor `index` of whole numbers. Raises InputError where it holds floats."""
-    values = _read(document, index, (kind,))
-    if values.dtype == np.float32:
-        raise InputError("whole numbers were expected, floats came", file=document.file, field=f"accessors[{index}]")
-    return values.astype(np.int64)
+def _expect_type(document: Document, index: int, kind: str, types: tuple[str, ...]) -> None:
+    if kind not in types:
+        problem = f"type {' or '.join(types)} was expected, {kind} came"
+        raise InputError(problem, file=document.file, field=f"accessors[{index}]")
 
 
 def _read(document: Document, index: int, types: tuple[str, ...]) -> NDArray:
     accessor, field = document.entry("accessors", index), f"accessors[{index}]"
-    if accessor["type"] not in types:
-        problem = f"type {' or '.join(types)} was expected, {accessor['type']} came"
-        raise InputError(problem, file=document.file, field=field)
+    _expect_type(document, index, accessor["type"], types)
     dtype, width, count = _component(document, accessor, field), WIDTHS[accessor["type"]], accessor["count"]
-    if count > MAX_COUNT:
-        raise InputError(f"{count} elements are more than {MAX_COUNT}", file=document.file, field=field)
     if "bufferView" in accessor:
         values = _elements(document, accessor, dtype, width, count, field)
     else:
+        document.spend(count * width * np.dtype(dtype).itemsize, field)
         values = np.zeros((count, width), dtype)
     if "sparse" in accessor:
         sparse = accessor["sparse"]
-        places = _elements(
-            document, sparse["indices"], _component(document, sparse["indices"], field), 1, sparse["count"], field
-        )[:, 0].astype(np.int64)
+        kind = _component(document, sparse["indices"], field)
+        places = _elements(document, sparse["indices"], kind, 1, sparse["count"], field)[:, 0]
+        if places.dtype.kind != "u":
+            raise InputError(f"sparse indices of {places.dtype}", file=document.file, field=field)
         if len(places) and places.max() >= count:
             raise InputError(f"sparse index {places.max()} of {count} elements", file=document.file, field=field)
         values[places] = _elements(document, sparse["values"], dtype, width, sparse["count"], field)
@@ -75,5 +88,6 @@ def _elements(document: Document, place: dict, dtype: type, width: int, count: i
         raise InputError(f"needs {end} bytes of a buffer view of {len(data)}", file=document.file, field=field)
     if not count:
         return np.zeros((0, width), dtype)
+    document.spend(count * width * size, field)
     little = np.dtype(dtype).newbyteorder("<")
     return np.ndarray((count, width), little, buffer=data, offset=start, strides=(stride, size)).astype(dtype)

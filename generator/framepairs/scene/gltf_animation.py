@@ -1,9 +1,8 @@
-"""glTF's nodes as a tree of matrices, and the clip that moves them (glTF 2.0, chapters 3.5, 3.11 and appendix C)."""
+"""Clips: the animated properties of a glTF's nodes over time (glTF 2.0, chapter 3.11 and appendix C)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -38,85 +37,6 @@ class Channel:
         return all(still) and bool((self.values == self.values[0]).all())
 
 
-@dataclass(frozen=True, kw_only=True)
-class NodeTree:
-    """All nodes of a file under one clip.
-
-    parents: per node, None for roots. order: every node, parents first. fixed: per node its "matrix", or "translation",
-    "rotation", "scale", and its "weights", as far as they are given. channels: by node, then by path; only what changes.
-    end_s: the last key of the clip, seconds.
-    """
-
-    parents: tuple[int | None, ...]
-    order: tuple[int, ...]
-    fixed: tuple[dict[str, NDArray[np.float64]], ...]
-    channels: dict[int, dict[str, Channel]]
-    end_s: float
-
-    @cached_property
-    def turning(self) -> NDArray[np.bool_]:
-        """[nodes]: whether the node's own matrix changes."""
-        return np.array([bool(self.channels.get(node, {}).keys() & REST.keys()) for node in range(len(self.parents))], bool)
-
-    @cached_property
-    def moving(self) -> NDArray[np.bool_]:
-        """[nodes]: whether the node's place in the world changes."""
-        found = self.turning.copy()
-        for node in self.order:
-            parent = self.parents[node]
-            found[node] |= parent is not None and found[parent]
-        return found
-
-    @cached_property
-    def rest(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Matrices [nodes, 4, 4] with what is fixed alone: parent_from_node and world_from_node."""
-        local = np.array([_local(fixed) for fixed in self.fixed]).reshape(-1, 4, 4)
-        world = local.copy()
-        _chain(self, local, world, self.order)
-        return local, world
-
-
-def node_matrices(tree: NodeTree, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """parent_from_node and world_from_node, each [nodes, 4, 4], at a time in seconds. Only what moves is computed."""
-    local, world = (array.copy() for array in tree.rest)
-    for node in np.flatnonzero(tree.turning):
-        sampled = {path: sample(item, time_s) for path, item in tree.channels[node].items() if path in REST}
-        local[node] = _local({**tree.fixed[node], **sampled})
-    _chain(tree, local, world, [node for node in tree.order if tree.moving[node]])
-    return local, world
-
-
-def relative_matrices(
-    tree: NodeTree, local: NDArray[np.float64], root: int | None, nodes: Sequence[int]
-) -> NDArray[np.float64]:
-    """root_from_node [len(nodes), 4, 4] of nodes under `root`, whose own matrix does not enter; None is the world."""
-    known: dict[int | None, NDArray[np.float64]] = {root: np.eye(4)}
-    for node in nodes:
-        climbed, ancestor = [], node
-        while ancestor not in known:
-            climbed.append(ancestor)
-            ancestor = tree.parents[ancestor]
-        for step in reversed(climbed):
-            known[step] = known[tree.parents[step]] @ local[step]
-    return np.array([known[node] for node in nodes])
-
-
-def ancestors(tree: NodeTree, node: int) -> list[int]:
-    """The node and all above it, up to its root."""
-    found: list[int] = []
-    above: int | None = node
-    while above is not None:
-        found.append(above)
-        above = tree.parents[above]
-    return found
-
-
-def property_at(tree: NodeTree, node: int, path: str, time_s: float) -> NDArray[np.float64] | None:
-    """The animated value, or else the fixed one, or None where the node has neither."""
-    channel = tree.channels.get(node, {}).get(path)
-    return sample(channel, time_s) if channel is not None else tree.fixed[node].get(path)
-
-
 def sample(channel: Channel, time_s: float) -> NDArray[np.float64]:
     """The value [n] at a time in seconds; before the first and after the last key it is that key's.
 
@@ -139,7 +59,7 @@ def sample(channel: Channel, time_s: float) -> NDArray[np.float64]:
             found = slerp(values[key], values[after], u)
         else:
             found = (1 - u) * values[key] + u * values[after]
-    return _unit(found) if channel.path == "rotation" else found
+    return unit(found) if channel.path == "rotation" else found
 
 
 def slerp(start: NDArray[np.float64], end: NDArray[np.float64], u: float) -> NDArray[np.float64]:
@@ -169,58 +89,7 @@ def clip_names(document: Document) -> list[str]:
     return [item.get("name") or str(index) for index, item in enumerate(document.all("animations"))]
 
 
-def read_tree(document: Document, clip: int | None) -> NodeTree:
-    """The nodes under clip number `clip`. Raises InputError naming the node or the channel."""
-    nodes = document.all("nodes")
-    parents: list[int | None] = [None] * len(nodes)
-    for number, node in enumerate(nodes):
-        for child in node.get("children", ()):
-            document.entry("nodes", child)
-            if parents[child] is not None:
-                raise InputError(f"node {child} has two parents", file=document.file, field=f"nodes[{number}].children")
-            parents[child] = number
-    order = [number for number, parent in enumerate(parents) if parent is None]
-    for node in order:  # grows while it is walked
-        order += nodes[node].get("children", ())
-    if len(order) < len(nodes):
-        raise InputError("a node is its own ancestor", file=document.file, field="nodes")
-    fixed = [_fixed(document, number) for number in range(len(nodes))]
-    channels: dict[int, dict[str, Channel]] = {}
-    end_s = 0.0
-    for node, channel in _channels(document, clip):
-        of_node = channels.setdefault(node, {})
-        field = f"animations[{clip}].channels"
-        if channel.path in of_node:
-            raise InputError(f"two channels move the {channel.path} of node {node}", file=document.file, field=field)
-        if "matrix" in fixed[node] and channel.path in REST:
-            raise InputError(f"node {node} is animated and has a matrix", file=document.file, field=field)
-        of_node[channel.path] = channel
-        end_s = max(end_s, float(channel.times[-1]))
-    for node, of_node in channels.items():
-        still = {path: sample(item, 0.0) for path, item in of_node.items() if item.is_constant}
-        fixed[node].update(still)
-        channels[node] = {path: item for path, item in of_node.items() if path not in still}
-    return NodeTree(parents=tuple(parents), order=tuple(order), fixed=tuple(fixed), channels=channels, end_s=end_s)
-
-
-def _fixed(document: Document, number: int) -> dict[str, NDArray[np.float64]]:
-    node = document.entry("nodes", number)
-    found = {path: np.array(node[path], dtype=float) for path in (*REST, "weights") if path in node}
-    where = {"file": document.file, "field": f"nodes[{number}]"}
-    if "matrix" in node:
-        found["matrix"] = np.array(node["matrix"], dtype=float).reshape(4, 4).T  # stored by columns
-        if found.keys() & REST.keys():
-            raise InputError("a matrix beside translation, rotation or scale", **where)
-        if found["matrix"][3].tolist() != [0, 0, 0, 1]:
-            raise InputError("the last row of its matrix is not 0, 0, 0, 1", **where)
-    if "rotation" in found:
-        if not found["rotation"].any():
-            raise InputError("a rotation of length 0", **where)
-        found["rotation"] = _unit(found["rotation"])
-    return found
-
-
-def _channels(document: Document, clip: int | None):
+def read_channels(document: Document, clip: int | None) -> Iterator[tuple[int, Channel]]:
     """(node, Channel) of a clip; channels without a node, or of an extension, move nothing here."""
     animation = document.entry("animations", clip) if clip is not None else {"channels": [], "samplers": []}
     for number, item in enumerate(animation["channels"]):
@@ -234,7 +103,10 @@ def _channels(document: Document, clip: int | None):
             problem = f"names sampler {item['sampler']}, there are {len(animation['samplers'])}"
             raise InputError(problem, file=document.file, field=field)
         try:
-            yield target["node"], _channel(document, animation["samplers"][item["sampler"]], target["path"])
+            key = "channel", clip, item["sampler"], target["path"]  # exporters let many nodes share a sampler
+            if key not in document.arrays:
+                document.arrays[key] = _channel(document, animation["samplers"][item["sampler"]], target["path"])
+            yield target["node"], document.arrays[key]
         except InputError as error:
             where = f"{field}, {error.field}" if error.field else field
             raise InputError(error.problem, file=document.file, field=where) from None
@@ -244,11 +116,13 @@ def _channel(document: Document, sampler: dict, path: str) -> Channel:
     interpolation = sampler.get("interpolation", "LINEAR")
     if interpolation not in ("STEP", "LINEAR", "CUBICSPLINE"):
         raise InputError(f"interpolation {interpolation!r} is none of glTF's")
-    times = read_numbers(document, sampler["input"], "SCALAR")[:, 0].astype(float)
+    times = np.asarray(read_numbers(document, sampler["input"], "SCALAR")[:, 0], dtype=float)
     if not len(times) or (np.diff(times) < 0).any():
         raise InputError("its times are none, or not in order")
     kind = {3: "VEC3", 4: "VEC4"}.get(WIDTHS.get(path, 1), "SCALAR")
-    values = read_numbers(document, sampler["output"], kind).astype(float)
+    stored = read_numbers(document, sampler["output"], kind)
+    document.spend(8 * (times.size + stored.size), f"accessors[{sampler['output']}]")
+    values = stored.astype(float)
     parts = 3 if interpolation == "CUBICSPLINE" else 1
     per_key, rest = divmod(len(values), len(times) * parts)
     if rest or per_key == 0 or (path != "weights" and per_key != 1):
@@ -258,34 +132,11 @@ def _channel(document: Document, sampler: dict, path: str) -> Channel:
     if path == "rotation":
         if not keys.any(axis=1).all():
             raise InputError("a rotation of length 0")
-        keys = keys if parts == 3 else _unit(keys)
+        keys = keys if parts == 3 else unit(keys)
     tangents = {"arriving": values[:, 0], "leaving": values[:, 2]} if parts == 3 else {}
     return Channel(path=path, interpolation=interpolation, times=times, values=keys, **tangents)
 
 
-def _chain(tree: NodeTree, local: NDArray, world: NDArray, nodes: Sequence[int]) -> None:
-    """Writes world_from_node of `nodes`, which stand parents first."""
-    for node in nodes:
-        parent = tree.parents[node]
-        world[node] = local[node] if parent is None else world[parent] @ local[node]
-
-
-def _local(values: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """parent_from_node = translation x rotation (of unit length) x scale, or the matrix that stands for it."""
-    if "matrix" in values:
-        return values["matrix"]
-    translation, rotation, scale = (np.asarray(values.get(path, REST[path]), dtype=float) for path in REST)
-    x, y, z, w = rotation
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] *= scale
-    matrix[:3, 3] = translation
-    return matrix
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[..., n] of length 1."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""glTF 2.0's JSON, from .gltf and .glb files, with the type of everything that is read checked once.
+"""glTF 2.0's JSON and bytes, from .gltf and .glb files and the files that they name.
 
 Behind `read_document` a value is of the type and length that the specification gives it; whether an index points at
 something is asked by `entry`. Source: Khronos, glTF 2.0 specification, chapters 3 to 5.
@@ -7,116 +7,34 @@ something is asked by `entry`. Source: Khronos, glTF 2.0 specification, chapters
 import base64
 import binascii
 import json
-import math
 import struct
 import urllib.parse
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from .containment import Reach, within
+from .gltf_schema import check_json
 
-INDEX, NUMBER, TEXT, BOOLEAN, OBJECT = "a whole number from 0", "a number", "a text", "true or false", "an object"
 GLB_MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
-
-# One entry per key: a kind, (kind, length) for numbers in a row, [item] for lists, {...} for objects. "!" marks what must be
-# there, "*" every key that is not named.
-_TRANSFORM = {"offset": (NUMBER, 2), "rotation": NUMBER, "scale": (NUMBER, 2), "texCoord": INDEX}
-_INFO = {"index!": INDEX, "texCoord": INDEX, "extensions": {"KHR_texture_transform": _TRANSFORM, "*": OBJECT}}
-_PBR = {
-    "baseColorFactor": (NUMBER, 4),
-    "metallicFactor": NUMBER,
-    "roughnessFactor": NUMBER,
-    "baseColorTexture": _INFO,
-    "metallicRoughnessTexture": _INFO,
-}
-_MATERIAL_EXTENSIONS = {
-    "KHR_materials_emissive_strength": {"emissiveStrength": NUMBER},
-    "KHR_materials_ior": {"ior": NUMBER},
-    "KHR_materials_specular": {"specularFactor": NUMBER, "specularColorFactor": (NUMBER, 3)},
-    "KHR_materials_pbrSpecularGlossiness": {
-        "diffuseFactor": (NUMBER, 4),
-        "glossinessFactor": NUMBER,
-        "diffuseTexture": _INFO,
-    },
-    "KHR_materials_clearcoat": {"clearcoatFactor": NUMBER},
-    "KHR_materials_sheen": {"sheenColorFactor": (NUMBER, 3)},
-    "KHR_materials_transmission": {"transmissionFactor": NUMBER},
-    "KHR_materials_volume": {"thicknessFactor": NUMBER},
-    "KHR_materials_iridescence": {"iridescenceFactor": NUMBER},
-    "KHR_materials_anisotropy": {"anisotropyStrength": NUMBER},
-    "KHR_materials_dispersion": {"dispersion": NUMBER},
-    "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": NUMBER},
-    "*": OBJECT,
-}
-_MATERIAL = {
-    "name": TEXT,
-    "pbrMetallicRoughness": _PBR,
-    "normalTexture": {**_INFO, "scale": NUMBER},
-    "occlusionTexture": {**_INFO, "strength": NUMBER},
-    "emissiveTexture": _INFO,
-    "emissiveFactor": (NUMBER, 3),
-    "alphaMode": TEXT,
-    "alphaCutoff": NUMBER,
-    "extensions": _MATERIAL_EXTENSIONS,
-}
-_PART = {"bufferView!": INDEX, "byteOffset": INDEX}
-_ACCESSOR = {
-    "bufferView": INDEX,
-    "byteOffset": INDEX,
-    "componentType!": INDEX,
-    "count!": INDEX,
-    "type!": TEXT,
-    "normalized": BOOLEAN,
-    "sparse": {"count!": INDEX, "indices!": {**_PART, "componentType!": INDEX}, "values!": _PART},
-}
-_NODE = {
-    "name": TEXT,
-    "children": [INDEX],
-    "mesh": INDEX,
-    "skin": INDEX,
-    "matrix": (NUMBER, 16),
-    "translation": (NUMBER, 3),
-    "rotation": (NUMBER, 4),
-    "scale": (NUMBER, 3),
-    "weights": [NUMBER],
-}
-_PRIMITIVE = {"attributes!": {"*": INDEX}, "indices": INDEX, "material": INDEX, "mode": INDEX, "targets": [{"*": INDEX}]}
-_CHANNEL = {"sampler!": INDEX, "target!": {"node": INDEX, "path!": TEXT}}
-SCHEMA = {
-    "asset!": {"version!": TEXT},
-    "extensionsUsed": [TEXT],
-    "extensionsRequired": [TEXT],
-    "scene": INDEX,
-    "scenes": [{"name": TEXT, "nodes": [INDEX]}],
-    "nodes": [_NODE],
-    "meshes": [{"name": TEXT, "primitives!": [_PRIMITIVE], "weights": [NUMBER]}],
-    "skins": [{"name": TEXT, "joints!": [INDEX], "inverseBindMatrices": INDEX, "skeleton": INDEX}],
-    "animations": [
-        {
-            "name": TEXT,
-            "channels!": [_CHANNEL],
-            "samplers!": [{"input!": INDEX, "output!": INDEX, "interpolation": TEXT}],
-        }
-    ],
-    "accessors": [_ACCESSOR],
-    "bufferViews": [{"buffer!": INDEX, "byteOffset": INDEX, "byteLength!": INDEX, "byteStride": INDEX}],
-    "buffers": [{"uri": TEXT, "byteLength!": INDEX}],
-    "materials": [_MATERIAL],
-    "textures": [{"source": INDEX, "sampler": INDEX, "extensions": {"EXT_texture_webp": {"source!": INDEX}, "*": OBJECT}}],
-    "images": [{"uri": TEXT, "bufferView": INDEX}],
-    "samplers": [{"wrapS": INDEX, "wrapT": INDEX}],
-}
+COMPRESSED_VIEWS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+# What may be built of a file: a damaged one must not ask for memory that its own size does not tell.
+SPARE_BYTES, BYTES_PER_BYTE = 2**28, 32
 
 
 @dataclass(frozen=True)
 class Document:
-    """file: the .gltf or .glb. json: its JSON, of checked types. binary: the binary chunk of a .glb."""
+    """file: the .gltf or .glb. reach: which files it may name. json: its JSON, of checked types. binary: the binary chunk of
+    a .glb. arrays: what `gltf_accessors` has read, by accessor and purpose. spent: bytes that were built, see `spend`."""
 
     file: Path
+    reach: Reach
     json: dict[str, Any]
     binary: bytes | None
+    arrays: dict[tuple, Any] = field(default_factory=dict)
+    spent: list[int] = field(default_factory=lambda: [0])
 
     def all(self, kind: str) -> list[dict[str, Any]]:
         """The top-level list `kind`, empty where the file has none."""
@@ -132,11 +50,18 @@ class Document:
     @cached_property
     def buffers(self) -> tuple[bytes, ...]:
         """The bytes of all buffers. Raises InputError for a file that is not there or shorter than said."""
-        return tuple(self._buffer(index, item) for index, item in enumerate(self.all("buffers")))
+        named = {item["uri"] for item in self.all("buffers") if "uri" in item}
+        found = {uri: read_uri(self, uri, "buffers") for uri in sorted(named)}
+        return tuple(self._buffer(index, item, found) for index, item in enumerate(self.all("buffers")))
 
-    def _buffer(self, index: int, item: dict[str, Any]) -> bytes:
+    @cached_property
+    def most_bytes(self) -> int:
+        """What may be built of buffers of this size."""
+        return SPARE_BYTES + BYTES_PER_BYTE * sum({id(data): len(data) for data in self.buffers}.values())
+
+    def _buffer(self, index: int, item: dict[str, Any], found: dict[str, bytes]) -> bytes:
         if "uri" in item:
-            data = read_uri(item["uri"], self.file, "buffers")
+            data = found[item["uri"]]
         elif index == 0 and self.binary is not None:
             data = self.binary
         else:
@@ -147,17 +72,27 @@ class Document:
         return data
 
     def view(self, index: int) -> memoryview:
-        """The bytes of buffer view `index`. Raises InputError where its buffer ends before."""
+        """The bytes of buffer view `index`. Raises InputError where its buffer ends before, naming the extension where an
+        extension holds the bytes."""
         view = self.entry("bufferViews", index)
         self.entry("buffers", view["buffer"])
         start, data = view.get("byteOffset", 0), self.buffers[view["buffer"]]
         if start + view["byteLength"] > len(data):
-            problem = f"buffer view {index} ends at byte {start + view['byteLength']} of {len(data)}"
+            packed = [name for name in COMPRESSED_VIEWS if name in view.get("extensions", {})]
+            ends = f"buffer view {index} ends at byte {start + view['byteLength']} of {len(data)}"
+            problem = f"extension {packed[0]} is not read, and buffer view {index} has no other data" if packed else ends
             raise InputError(problem, file=self.file, field="bufferViews")
         return memoryview(data)[start : start + view["byteLength"]]
 
+    def spend(self, size: int, where: str) -> None:
+        """Counts `size` bytes that are about to be built. Raises InputError where a file of these buffers cannot mean them."""
+        self.spent[0] += size
+        if self.spent[0] > self.most_bytes:
+            problem = f"needs {self.spent[0]} bytes of memory, more than the {self.most_bytes} that its buffers can mean"
+            raise InputError(problem, file=self.file, field=where)
 
-def read_document(file: Path) -> Document:
+
+def read_document(file: Path, reach: Reach) -> Document:
     """The checked JSON of a file. Raises InputError naming the file, the key, what was expected and what stands there."""
     try:
         data = file.read_bytes()
@@ -166,15 +101,14 @@ def read_document(file: Path) -> Document:
     text, binary = _chunks(data, file) if file.suffix.lower() == ".glb" else (data, None)
     try:
         values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not glTF: {type(error).__name__}: {error}", file=file) from None
-    try:
-        _check(values, SCHEMA, "")
+        check_json(values)
     except InputError as error:
         raise InputError(error.problem, file=file, field=error.field) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not glTF: {type(error).__name__}: {error}", file=file) from None
     if not values["asset"]["version"].startswith("2."):
         raise InputError(f"glTF {values['asset']['version']}: only 2 is read", file=file, field="asset.version")
-    return Document(file, values, binary)
+    return Document(file, reach, values, binary)
 
 
 def is_elsewhere(uri: str) -> bool:
@@ -182,25 +116,33 @@ def is_elsewhere(uri: str) -> bool:
     return not uri.startswith("data:")
 
 
-def path_of(uri: str, file: Path) -> Path:
-    return file.parent / urllib.parse.unquote(uri)
+def path_of(document: Document, uri: str, where: str) -> Path:
+    """The file that a URI of the document's list `where` names. Raises InputError for one out of reach, on a network, or that
+    is not there."""
+    if "://" in uri or uri.lower().startswith("file:"):
+        problem = f"{uri[:200]}: only data: and files beside it are read"
+        raise InputError(problem, file=document.file, field=where)
+    found = within(document.reach, urllib.parse.unquote(uri), file=document.file, field=where)
+    if not found.exists():
+        what = "texture" if where == "images" else "buffer"
+        raise InputError(f"missing {what} {uri[:200]}", file=document.file, field=where)
+    return found
 
 
-def read_uri(uri: str, file: Path, field: str) -> bytes:
-    """The bytes of a data URI or of a file beside `file`. Raises InputError naming both."""
+def read_uri(document: Document, uri: str, where: str) -> bytes:
+    """The bytes of a data URI or of a file beside the document's. Raises InputError naming both."""
     if is_elsewhere(uri):
         try:
-            return path_of(uri, file).read_bytes()
-        except (OSError, ValueError):
-            what = "texture" if field == "images" else "buffer"
-            raise InputError(f"missing {what} {uri[:200]}", file=file, field=field) from None
+            return path_of(document, uri, where).read_bytes()
+        except OSError as error:
+            raise InputError(f"{uri[:200]}: {error.strerror}", file=document.file, field=where) from None
     head, comma, body = uri.partition(",")
     try:
         if not comma or not head.endswith(";base64"):
             raise ValueError
         return base64.b64decode(urllib.parse.unquote(body))
     except (ValueError, binascii.Error):
-        raise InputError(f"data URI {uri[:40]!r} is not base64", file=file, field=field) from None
+        raise InputError(f"data URI {uri[:40]!r} is not base64", file=document.file, field=where) from None
 
 
 def _chunks(data: bytes, file: Path) -> tuple[bytes, bytes | None]:
@@ -219,37 +161,3 @@ def _chunks(data: bytes, file: Path) -> tuple[bytes, bytes | None]:
     if JSON_CHUNK not in found:
         raise InputError("not glTF: no JSON chunk", file=file)
     return found[JSON_CHUNK], found.get(BINARY_CHUNK)
-
-
-def _check(value: Any, kind: Any, where: str) -> None:
-    """Raises InputError where `value` is not of the kind; `where` is its place in the JSON."""
-    if isinstance(kind, dict):
-        _expect(isinstance(value, dict), "an object", value, where)
-        for key, inner in kind.items():
-            name = key.rstrip("!")
-            _expect(name in value or not key.endswith("!"), f"{name} in it", value, where)
-            if name in value:
-                _check(value[name], inner, f"{where}.{name}".lstrip("."))
-        if "*" in kind:
-            for name in value.keys() - {key.rstrip("!") for key in kind}:
-                _check(value[name], kind["*"], f"{where}.{name}")
-    elif isinstance(kind, list | tuple):
-        _expect(isinstance(value, list), "a list", value, where)
-        _expect(isinstance(kind, list) or len(value) == kind[1], f"{kind[-1]} numbers", value, where)
-        for index, item in enumerate(value):
-            _check(item, kind[0], f"{where}[{index}]")
-    else:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        fits = {
-            INDEX: number and isinstance(value, int) and 0 <= value < 2**53,
-            NUMBER: number and abs(value) < 1e300 and math.isfinite(value),
-            TEXT: isinstance(value, str),
-            BOOLEAN: isinstance(value, bool),
-            OBJECT: isinstance(value, dict),
-        }
-        _expect(fits[kind], kind, value, where)
-
-
-def _expect(holds: bool, what: str, value: Any, where: str) -> None:
-    if not holds:
-        raise InputError(f"{what} was expected, {json.dumps(value)[:60]} came", field=where or None)

@@ -1,30 +1,30 @@
-"""glTF's materials and images as ours: extensions that map onto ours are read, what is not drawn is named.
+"""glTF's materials as ours: extensions that map onto ours are read, what is not drawn is named.
 
 Sources: glTF 2.0 and the extensions' specifications in KhronosGroup/glTF. Everything works on the checked JSON of
 `gltf_document`.
 """
 
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
-from .description import IDENTITY_UV, Material, Slot, Texture
-from .gltf_document import Document, is_elsewhere, read_uri
-from .images import decode_image
+from .description import Material, Texture
+from .gltf_document import Document
+from .gltf_textures import WEBP, TextureReader, set_of
 from .reflectance import f0_of_ior, specular_of_f0
 
-SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+SPECULAR_GLOSSINESS, UNLIT = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"
 READ_EXTENSIONS = (
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
+    UNLIT,
+    "KHR_lights_punctual",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
-    "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+    WEBP,
 )
 # Extensions without counterpart: the key of their JSON that lets them act, where it is above 0.
 STRENGTH_KEYS = {
@@ -37,20 +37,10 @@ STRENGTH_KEYS = {
     "KHR_materials_dispersion": "dispersion",
     "KHR_materials_diffuse_transmission": "diffuseTransmissionFactor",
 }
-INSTEAD = {
-    "KHR_materials_unlit": "unlit: it is lit",
-    SPECULAR_GLOSSINESS: "pbrSpecularGlossiness: its metallic-roughness values are drawn",
-}
+INSTEAD = {SPECULAR_GLOSSINESS: "pbrSpecularGlossiness: its metallic-roughness values are drawn"}
 # May stand among extensionsRequired: they are read, or named and do not change what else the file means.
-ALLOWED_IF_REQUIRED = (
-    *READ_EXTENSIONS,
-    *STRENGTH_KEYS,
-    *INSTEAD,
-    "KHR_materials_variants",
-    "KHR_lights_punctual",
-    "KHR_xmp_json_ld",
-)
-GLTF_WRAP = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+ALLOWED_IF_REQUIRED = (*READ_EXTENSIONS, *STRENGTH_KEYS, *INSTEAD, "KHR_materials_variants", "KHR_xmp_json_ld")
+MOST_SETS = 2  # of texture coordinates: Mesh.uv and Mesh.uv2
 
 
 class MaterialReader:
@@ -58,92 +48,96 @@ class MaterialReader:
 
     def __init__(self, document: Document) -> None:
         self.materials: list[Material] = []
-        self.textures: list[Texture] = []
+        self._textures = TextureReader(document)
         self._document = document
         self._known: dict[int | None, int] = {}
-        self._texels: dict[int, NDArray] = {}
+
+    @property
+    def textures(self) -> list[Texture]:
+        return self._textures.textures
+
+    def source(self, number: int | None) -> dict[str, Any]:
+        """The JSON of glTF's material `number`, with metallic-roughness values; None is glTF's default."""
+        plain = self._document.entry("materials", number) if number is not None else {"name": "default"}
+        return with_metallic_roughness(plain)
 
     def index(self, number: int | None) -> int:
         """Index into `materials` of glTF's material `number`; None is glTF's default. Raises InputError naming the file."""
         if number not in self._known:
-            source = self._document.entry("materials", number) if number is not None else {"name": "default"}
             try:
-                material = self._material(with_metallic_roughness(source), f"material {number}")
+                source = self.source(number)
+                material = self._unlit if is_unlit(source) else self._material
+                self.materials.append(material(source, source.get("name") or f"material {number}"))
             except InputError as error:
                 raise InputError(error.problem, file=self._document.file, field=error.field) from None
-            self._known[number] = len(self.materials)
-            self.materials.append(material)
+            self._known[number] = len(self.materials) - 1
         return self._known[number]
 
     def _material(self, source: dict[str, Any], name: str) -> Material:
+        infos, sets = references(source), sets_of(source)
         pbr = source.get("pbrMetallicRoughness", {})
-        base, normal = pbr.get("baseColorFactor", [1.0] * 4), source.get("normalTexture")
         strength = source.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        alpha = {"MASK": "mask", "BLEND": "blend"}.get(source.get("alphaMode", "OPAQUE"), "opaque")
         specular, said = specular_of(source)
-        surface = self._slot(pbr.get("metallicRoughnessTexture"), scale=(0, 1, 1, 0), bias=(1, 0, 0, 1))
+        slot = self._textures.slot
         return Material(
-            name=source.get("name") or name,
-            base_color=tuple(base[:3]),
-            opacity=1.0 if alpha == "opaque" else float(base[3]),
+            name=name,
+            base_color=tuple(pbr.get("baseColorFactor", [1.0] * 4)[:3]),
+            **_alpha(source),
             roughness=pbr.get("roughnessFactor", 1.0),
             metallic=pbr.get("metallicFactor", 1.0),
             specular=specular,
             emission=tuple(float(c) * strength for c in source.get("emissiveFactor", [0.0] * 3)),
-            alpha=alpha,
-            alpha_cutoff=source.get("alphaCutoff", 0.5),
-            normal_scale=(normal or {}).get("scale", 1.0),
-            base_texture=self._slot(pbr.get("baseColorTexture"), srgb=True),
-            surface_texture=surface,
-            normal_texture=self._slot(normal, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)),
-            emission_texture=self._slot(source.get("emissiveTexture"), srgb=True),
+            normal_scale=infos.get("normalTexture", {}).get("scale", 1.0),
+            base_texture=slot(infos.get("baseColorTexture"), sets, srgb=True),
+            surface_texture=slot(infos.get("metallicRoughnessTexture"), sets, scale=(0, 1, 1, 0), bias=(1, 0, 0, 1)),
+            normal_texture=slot(infos.get("normalTexture"), sets, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0)),
+            emission_texture=slot(infos.get("emissiveTexture"), sets, srgb=True),
             not_read=(*unread_of(source), *said),
         )
 
-    def _slot(self, info: dict[str, Any] | None, *, srgb: bool = False, scale=(1,) * 4, bias=(0,) * 4) -> Slot | None:
-        """`info` is glTF's reference to the texture, or None."""
-        if info is None:
-            return None
-        texture = self._document.entry("textures", info["index"])
-        source = image_of(texture)
-        if source is None:
-            raise InputError(f"texture {info['index']} names no image that is read", field="textures")
-        image = self._document.entry("images", source)
-        uri = image.get("uri")
-        name = uri if uri and is_elsewhere(uri) else f"image {source}"
-        if source not in self._texels:
-            self._texels[source] = self._decoded(image, name)
-        texels = self._texels[source]
-        wanted = Texture(name=name, texels=texels, srgb=srgb, wrap=self._wrap(texture), scale=scale, bias=bias)
-        for index, known in enumerate(self.textures):
-            if known.texels is texels and replace(known, texels=None) == replace(wanted, texels=None):
-                return Slot(texture=index, uv=uv_of(info))
-        self.textures.append(wanted)
-        return Slot(texture=len(self.textures) - 1, uv=uv_of(info))
-
-    def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
-        if "uri" in image:
-            data = read_uri(image["uri"], self._document.file, "images")
-        elif "bufferView" in image:
-            data = bytes(self._document.view(image["bufferView"]))
-        else:
-            raise InputError(f"{name} has neither uri nor bufferView", field="images")
-        try:
-            return decode_image(data, name)
-        except InputError as error:
-            raise InputError(f"{name} {error.problem}", field="images") from None
-
-    def _wrap(self, texture: dict[str, Any]) -> tuple[str, str]:
-        sampler = self._document.entry("samplers", texture["sampler"]) if "sampler" in texture else {}
-        modes = [sampler.get(key, 10497) for key in ("wrapS", "wrapT")]
-        if not set(modes) <= set(GLTF_WRAP):
-            raise InputError(f"wrap mode {modes} is none of glTF's: {sorted(GLTF_WRAP)}", field="samplers")
-        return GLTF_WRAP[modes[0]], GLTF_WRAP[modes[1]]
+    def _unlit(self, source: dict[str, Any], name: str) -> Material:
+        """KHR_materials_unlit: a surface that reflects nothing and emits its base colour, in `path` onto others, too."""
+        pbr = source.get("pbrMetallicRoughness", {})
+        base = self._textures.slot(references(source).get("baseColorTexture"), sets_of(source), srgb=True)
+        alpha = _alpha(source)
+        return Material(
+            name=name,
+            base_color=(0.0, 0.0, 0.0),
+            **alpha,
+            roughness=1.0,
+            metallic=0.0,
+            specular=0.0,
+            emission=tuple(float(c) for c in pbr.get("baseColorFactor", [1.0] * 4)[:3]),
+            base_texture=base if alpha["alpha"] != "opaque" else None,  # for its opacity
+            emission_texture=base,
+            vertex_colors="emission",
+            not_read=unread_of(source),
+        )
 
 
-def image_of(texture: dict[str, Any]) -> int | None:
-    """Index of a texture's image: WebP where there is one; None where only other extensions name one."""
-    return texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source", texture.get("source"))
+def is_unlit(source: dict[str, Any]) -> bool:
+    return UNLIT in source.get("extensions", {})
+
+
+def references(source: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """glTF's references to the textures that are drawn, by their key."""
+    pbr = source.get("pbrMetallicRoughness", {})
+    if is_unlit(source):
+        return {"baseColorTexture": pbr["baseColorTexture"]} if "baseColorTexture" in pbr else {}
+    found = {key: pbr[key] for key in ("baseColorTexture", "metallicRoughnessTexture") if key in pbr}
+    return found | {key: source[key] for key in ("normalTexture", "emissiveTexture") if key in source}
+
+
+def sets_of(source: dict[str, Any]) -> tuple[int, ...]:
+    """Numbers of the sets of texture coordinates that become uv and, where there is a second, uv2."""
+    return tuple(sorted({set_of(info) for info in references(source).values()})[:MOST_SETS])
+
+
+def _alpha(source: dict[str, Any]) -> dict[str, Any]:
+    alpha = {"MASK": "mask", "BLEND": "blend"}.get(source.get("alphaMode", "OPAQUE"), "opaque")
+    base = source.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1.0] * 4)
+    opacity = 1.0 if alpha == "opaque" else float(base[3])
+    return {"alpha": alpha, "opacity": opacity, "alpha_cutoff": source.get("alphaCutoff", 0.5)}
 
 
 def specular_of(material: dict[str, Any]) -> tuple[float, tuple[str, ...]]:
@@ -174,6 +168,8 @@ def is_metal(material: dict[str, Any]) -> bool:
 
 def unread_of(material: dict[str, Any]) -> tuple[str, ...]:
     """What of the material is not drawn, where it acts, each with its value."""
+    if is_unlit(material):
+        return ()
     said = []
     if material.get("occlusionTexture", {"strength": 0}).get("strength", 1) != 0:
         said.append("occlusion map")
@@ -184,31 +180,16 @@ def unread_of(material: dict[str, Any]) -> tuple[str, ...]:
             said += [f"{short} {_text(strength)}"] if np.any(np.array(strength, dtype=float) != 0) else []
         elif name not in READ_EXTENSIONS:
             said.append(INSTEAD.get(name, f"extension {name}"))
-    pbr = material.get("pbrMetallicRoughness", {})
-    for key in ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "emissiveTexture"):
-        info = pbr.get(key) or material.get(key) or {}
-        texcoord = _transform(info).get("texCoord", info.get("texCoord", 0))
-        said += [f"texCoord {texcoord} of {key}: it is read with 0"] if texcoord else []
+    sets = sets_of(material)
+    for key, info in references(material).items():
+        if set_of(info) not in sets:
+            said.append(f"texCoord {set_of(info)} of {key}: it is read with {sets[0]}")
     return tuple(said)
 
 
 def is_told_by_materials(extension: str) -> bool:
     """Whether materials themselves say what of the extension is not drawn."""
     return extension.startswith("KHR_materials_") and extension != "KHR_materials_variants"
-
-
-def uv_of(info: dict[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Rows of the 2x3 matrix of KHR_texture_transform, for our uv, whose v runs up.
-
-    In glTF's uv, v down, it is translation x rotation x scale, where the rotation is counter-clockwise as seen on the image:
-    (u, v) -> (c u + s v, -s u + c v). With v = 1 - v_up on both sides it is the matrix below.
-    """
-    values = _transform(info)
-    if not {"offset", "rotation", "scale"} & set(values):
-        return IDENTITY_UV
-    (x, y), (a, b) = values.get("offset", (0.0, 0.0)), values.get("scale", (1.0, 1.0))
-    c, s = math.cos(values.get("rotation", 0.0)), math.sin(values.get("rotation", 0.0))
-    return (c * a, -s * b, s * b + x), (s * a, c * b, 1 - c * b - y)
 
 
 def with_metallic_roughness(material: dict[str, Any]) -> dict[str, Any]:
@@ -225,10 +206,6 @@ def with_metallic_roughness(material: dict[str, Any]) -> dict[str, Any]:
     if "diffuseTexture" in values:
         nearest["baseColorTexture"] = values["diffuseTexture"]
     return {**material, "pbrMetallicRoughness": nearest}
-
-
-def _transform(info: dict[str, Any]) -> dict[str, Any]:
-    return info.get("extensions", {}).get("KHR_texture_transform", {})
 
 
 def _text(value) -> str:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .description import Deformed
 from .gltf_accessors import read_integers, read_numbers
-from .gltf_animation import NodeTree, ancestors
 from .gltf_document import Document
+from .gltf_nodes import NodeTree
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,11 +61,33 @@ def read_skin(document: Document, index: int, tree: NodeTree) -> Skin:
         matrices = stored[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)  # stored by columns
     else:
         matrices = np.tile(np.eye(4), (len(joints), 1, 1))
-    chains = [ancestors(tree, joint) for joint in joints]
-    shared = set(chains[0]).intersection(*chains[1:])
-    root = next((node for node in chains[0] if node in shared), None)
-    between = {node for chain in chains for node in chain} - shared
-    return Skin(joints=joints, root=root, joint_from_bind=matrices, deforms=bool(tree.turning[list(between)].any()))
+    root, between = _root(tree, joints)
+    return Skin(joints=joints, root=root, joint_from_bind=matrices, deforms=bool(tree.turning[between].any()))
+
+
+def _root(tree: NodeTree, joints: tuple[int, ...]) -> tuple[int | None, list[int]]:
+    """(the nearest node above all joints or None, the nodes between it and the joints with these)."""
+    above: dict[int, set[int]] = {}  # of every node above a joint, those below it that lead to one
+    tops: set[int] = set()
+    for joint in joints:
+        node, below = joint, None
+        while True:
+            known = node in above
+            above.setdefault(node, set()).update(() if below is None else (below,))
+            if known:
+                break
+            if tree.parents[node] is None:
+                tops.add(node)
+                break
+            node, below = tree.parents[node], node
+    if len(tops) > 1:
+        return None, list(above)
+    (root,), ends = tops, set(joints)
+    shared = {root}
+    while root not in ends and len(above[root]) == 1:
+        (root,) = above[root]
+        shared.add(root)
+    return root, [node for node in above if node not in shared]
 
 
 def read_shape(document: Document, primitive: dict[str, Any], joint_count: int, field: str) -> Shape:
@@ -80,8 +102,10 @@ def read_shape(document: Document, primitive: dict[str, Any], joint_count: int, 
         values = read_numbers(document, target[name], "VEC3")
         if len(values) != count:
             raise InputError(f"a morph target of {len(values)} vertices on a mesh of {count}", **where)
+        document.spend(values.nbytes, field)
         return np.ascontiguousarray(values.T)
 
+    document.spend(2 * 24 * count, field)
     targets = [(displacements(item, "POSITION"), displacements(item, "NORMAL")) for item in primitive.get("targets", ())]
     normals = read_normals(document, primitive, count, field)
     joints, weights = _influences(document, attributes, count, joint_count, where) if joint_count else (None, None)
@@ -124,7 +148,8 @@ def deform(shape: Shape, target_weights: NDArray[np.float64], object_from_bind: 
     """The vertices at one time, morphed first and then skinned; rounded to float32 at the very end.
 
     target_weights: [targets]. object_from_bind: [joints, 4, 4], the joints' matrices times their inverse bind matrices;
-    None without a skin. Normals go by the inverse transpose of each vertex's blended matrix and have unit length.
+    None without a skin. Normals go by the blended inverse transposes of the joints' matrices (as in UsdSkel and the Khronos
+    glTF-Sample-Viewer) and have unit length.
     """
     positions, normals = shape.positions, shape.normals
     for weight, (of_positions, of_normals) in zip(target_weights, shape.targets, strict=True):
@@ -133,10 +158,12 @@ def deform(shape: Shape, target_weights: NDArray[np.float64], object_from_bind: 
         if weight != 0 and of_normals is not None and normals is not None:
             normals = normals + np.multiply(of_normals, weight, dtype=float)
     if object_from_bind is not None:
-        blended = _blend(shape, object_from_bind)
         if normals is not None:
-            normals = _turn(blended, normals)
+            x, y, z = normals
+            turns = _blend(shape, _normal_matrices(object_from_bind[:, :3, :3]))
+            normals = np.stack([row[0] * x + row[1] * y + row[2] * z for row in turns])
         x, y, z = positions
+        blended = _blend(shape, object_from_bind[:, :3])
         positions = np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in blended])
     rounded = np.ascontiguousarray(positions.T, dtype=np.float32)
     return Deformed(
@@ -153,6 +180,7 @@ def _influences(document: Document, attributes: dict[str, int], count: int, join
     if not sets:
         raise InputError("a skin on a mesh without JOINTS_0 and WEIGHTS_0", **where)
     joints = np.concatenate([read_integers(document, attributes[f"JOINTS_{k}"], "VEC4") for k in range(sets)], axis=1)
+    joints = joints.astype(np.int64)
     weights = np.concatenate([read_numbers(document, attributes[f"WEIGHTS_{k}"], "VEC4") for k in range(sets)], axis=1)
     if len(joints) != count or len(weights) != count:
         raise InputError(f"joints of {len(joints)} and weights of {len(weights)} vertices on a mesh of {count}", **where)
@@ -166,24 +194,21 @@ def _influences(document: Document, attributes: dict[str, int], count: int, join
     return np.ascontiguousarray(joints.T[acting]), np.ascontiguousarray(weights.T[acting])
 
 
-def _blend(shape: Shape, object_from_bind: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[3, 4, V]: per vertex the weighted mean of its joints' matrices, without their last row."""
-    rows = np.ascontiguousarray(object_from_bind[:, :3].reshape(-1, 12).T)
-    total = np.zeros((12, shape.positions.shape[1]))
+def _blend(shape: Shape, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[3, k, V]: per vertex the weighted mean of its joints' `matrices` [joints, 3, k]."""
+    columns = np.ascontiguousarray(matrices.reshape(len(matrices), -1).T)
+    total = np.zeros((len(columns), shape.positions.shape[1]))
     for joints, weights in zip(shape.joints, shape.weights, strict=True):
-        total += weights * np.take(rows, joints, axis=1)
-    return total.reshape(3, 4, -1)
+        total += weights * np.take(columns, joints, axis=1)
+    return total.reshape(3, matrices.shape[2], -1)
 
 
-def _turn(blended: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Normals [3, V] times the inverse transpose of [3, :3, V], up to their length: its cofactors with the sign of its
-    determinant, which exist for singular matrices, too."""
-    (a, b, c), (d, e, f), (g, h, i) = blended[:, :3]
-    cofactors = ((e * i - f * h, f * g - d * i, d * h - e * g), (c * h - b * i, a * i - c * g, b * g - a * h))
-    cofactors = (*cofactors, (b * f - c * e, c * d - a * f, a * e - b * d))
-    determinant = a * cofactors[0][0] + b * cofactors[0][1] + c * cofactors[0][2]
-    x, y, z = normals
-    return np.where(determinant < 0, -1.0, 1.0) * np.stack([row[0] * x + row[1] * y + row[2] * z for row in cofactors])
+def _normal_matrices(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse transposes of [joints, 3, 3]; of singular ones the cofactors, which have the same direction."""
+    a, b, c = np.moveaxis(linear, 1, 0)
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    determinant = (a * cofactors[:, 0]).sum(axis=1)
+    return cofactors / np.where(determinant == 0, 1, determinant)[:, None, None]
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

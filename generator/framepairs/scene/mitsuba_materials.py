@@ -4,85 +4,144 @@
 colour for metals. One thing differs and cannot be mapped: its diffuse part is Disney's (Burley 2012), with retro-reflection,
 ours Lambert. Measured with Mitsuba 3.9.1 at specular 0 and white, its directional albedo is 0.98 to 1.04 at normal incidence,
 where Lambert has 1; at cosine 0.1 it is 0.69, 1.02 and 1.38 for roughness 0, 0.5 and 1, at cosine 0.02 0.54, 1.01 and 1.52;
-its mean over the hemisphere is 0.953, 1.008 and 1.065. `diffuse` is our Lambert with specular 0, where Schlick's reflectance
-stays 1 at grazing angles: roughness 1 keeps what that adds below 0.04 (0.003 over the hemisphere; height-correlated Smith).
+its mean over the hemisphere is 0.953, 1.008 and 1.065. `diffuse` is our Lambert: without specular and metal there is no
+specular lobe, and roughness is 1.
 
-Mitsuba's images begin at v = 0, ours at v = 1. Meshes are therefore read with v_ours = 1 - v_mitsuba, and `to_uv` is turned
-over accordingly. Normal maps mean the same in both.
+`conductor` and `roughconductor` with `ggx` are our metal: alpha = roughness^2, and F0 is Fresnel's reflectance at normal
+incidence of the RGB indices. Between there and grazing angles Schlick's curve is not Fresnel's: over the hemisphere it
+reflects up to 0.005 more for Ag, Au and Cu, 0.015 for Al and 0.037 for Cr, near grazing angles up to 0.03, 0.13 and 0.27.
+
+Everything else is kept as it is (see `mitsuba_kept`), also a `principled` with a clearcoat, sheen or another lobe that ours
+lacks; its other values stand in for it. `plastic` is not ours: its diffuse part falls with the light that the
+coat lets in and out. At reflectance 0.5 and alpha 0.09 its directional albedo is 0.48, 0.50 and 0.57 at cosines 1, 0.5 and
+0.2, where Lambert and GGX have 0.54, 0.57 and 0.75; at alpha 0.36 it is 0.34 where they have 0.53 to 0.59.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .description import IDENTITY_UV, Material, Slot, Texture
-from .images import linear_texels, pack_channels, read_image
+from .containment import Reach
+from .description import Material, Texture
+from .images import linear_texels, pack_channels
+from .mitsuba_dictionary import constant_color, kind_of, type_of
+from .mitsuba_kept import kept_bsdf, stand_in
+from .mitsuba_textures import TextureReader, acts, image_files, replaced
 from .reflectance import LARGEST_F0, f0_of_ior, specular_of_f0
 
-LUMINANCE = (0.212671, 0.715160, 0.072169)  # of Rec. 709, with Mitsuba's digits; how it reads a colour image as a number
-WRAP_MODES = ("repeat", "mirror", "clamp")
 PRINCIPLED = ("base_color", "roughness", "metallic", "specular", "eta")
 # Parameters of `principled` without counterpart; those named second act only through the first.
-WITHOUT_COUNTERPART = ("anisotropic", "spec_trans", "spec_tint", "sheen", "flatness", "clearcoat")
+WITHOUT_COUNTERPART = ("anisotropic", "spec_tint", "sheen", "flatness", "clearcoat")
 DEPENDENT = {"sheen_tint": "sheen", "clearcoat_gloss": "clearcoat"}
 SAMPLING = ("main_specular_sampling_rate", "clearcoat_sampling_rate", "diffuse_reflectance_sampling_rate")
+SMOOTHEST_ALPHA = 1e-3
+# F0 by Fresnel's equations of the RGB indices that Mitsuba 3.9.1 makes of its data/ior (llvm_ad_rgb).
+METALS = {
+    "none": (1.0, 1.0, 1.0), "Ag": (0.9748, 0.9575, 0.9063), "Al": (0.9280, 0.9178, 0.9189), "Au": (0.9667, 0.8020, 0.3241),
+    "Be": (0.5975, 0.5206, 0.5062), "Cr": (0.6876, 0.6491, 0.6870), "Cu": (0.9520, 0.6198, 0.5106),
+    "Cu_palik": (0.9494, 0.6217, 0.5092), "Hg": (0.8140, 0.7702, 0.7631), "Ir": (0.7426, 0.6802, 0.6308),
+    "K": (0.9539, 0.9363, 0.9201), "Li": (0.9248, 0.8844, 0.7933), "Mo": (0.6182, 0.5618, 0.5409),
+    "Na_palik": (0.9785, 0.9597, 0.9315), "Nb": (0.5640, 0.4895, 0.4731), "Ni_palik": (0.7001, 0.5942, 0.4936),
+    "Rh": (0.8243, 0.7544, 0.7216), "TiN": (0.6409, 0.4523, 0.1976), "V_palik": (0.5727, 0.5107, 0.5365),
+    "W": (0.5746, 0.4778, 0.4331),
+}  # fmt: skip
 
 
-def material_from_principled(values: dict, name: str, folder: Path) -> tuple[Material, tuple[Texture, ...]]:
-    """Material of a BSDF dictionary, and its textures, to which its slots' indices refer (from 0).
+@dataclass(frozen=True, kw_only=True)
+class ReadMaterial:
+    """A material, its textures, to which its slots' indices refer (from 0), and the files it was read from. two_sided: its
+    BSDF reflects from both sides. drawn: False for `null`, which light passes unchanged."""
 
-    values: {"type": "principled" | "diffuse", ...}, also inside `twosided`, `mask`, `normalmap` and `bumpmap`; colours are
-    linear Rec. 709. `diffuse` is specular 0 and roughness 1. `mask` becomes a mask where its image is black and white, else
-    a blend. Any other BSDF is drawn in the default grey. What is not drawn stands in Material.not_read. Images are read from
-    `folder` (see `image_files`). Raises InputError naming the material for paths that leave it, for what cannot be read, for
-    values of the wrong kind and for `eta` beside `specular`.
+    material: Material
+    textures: tuple[Texture, ...]
+    files: tuple[Path, ...]
+    two_sided: bool
+    drawn: bool = True
+
+
+def material_of(values: Mapping[str, Any], name: str, reach: Reach, texels: dict[Path, NDArray] | None = None) -> ReadMaterial:
+    """Material of a BSDF dictionary.
+
+    values: any BSDF of Mitsuba's, also inside `twosided`, `mask`, `normalmap` and `bumpmap`; colours are linear Rec. 709.
+    `mask` becomes a mask where its image is black and white, else a blend. What is not drawn stands in Material.not_read.
+    Images are read within `reach` (see `image_files`); texels: those of files that were read before. Raises InputError naming
+    the material for paths that leave it, for what cannot be read, for values of the wrong kind and for types that are none.
     """
     try:
-        reader = _Reader(name, Path(folder))
-        return reader.material(values), tuple(reader.textures)
+        return _Reader(name, reach, texels).read(values)
     except InputError as error:
         raise InputError(error.problem, file=error.file, frame=error.frame, field=error.field or name) from None
 
 
-def image_files(values: dict, folder: Path) -> tuple[Path, ...]:
-    """The image files that a dictionary names, at any depth, each once. Raises InputError for those outside `folder`."""
-    found = []
-    if values.get("type") == "bitmap" and "filename" in values:
-        found.append(_inside(values["filename"], folder))
-    for value in values.values():
-        found += image_files(value, folder) if isinstance(value, dict) else []
-    return tuple(dict.fromkeys(found))
+def _has_more(principled: Mapping[str, Any]) -> bool:
+    """Whether it has a lobe that our material lacks."""
+    return any(key in WITHOUT_COUNTERPART for key in _acting(principled))
+
+
+def _acting(principled: Mapping[str, Any]) -> list[str]:
+    """Its parameters without counterpart that change anything."""
+    keys = (*WITHOUT_COUNTERPART, *DEPENDENT)
+    return [key for key in keys if all(acts(principled.get(k, 0)) for k in (key, DEPENDENT.get(key, key)))]
 
 
 class _Reader:
-    """One material; `textures` and `said` grow while it is read."""
+    """One material."""
 
-    def __init__(self, name: str, folder: Path) -> None:
-        self.name, self.folder = name, folder
-        self.textures: list[Texture] = []
-        self.said: list[str] = []
-        self._texels: dict[Path, NDArray] = {}
+    def __init__(self, name: str, reach: Reach, texels: dict[Path, NDArray] | None) -> None:
+        self.name, self.reach = name, reach
+        self.parts = TextureReader(reach, texels)
+        self.said = self.parts.said
 
-    def material(self, values: dict) -> Material:
-        inner, opacity, normal = self._unwrapped(values)
-        readers = {"principled": self._principled, "diffuse": self._diffuse}
-        if inner["type"] not in readers:
-            self.said.append(f"BSDF {inner['type']}: the default grey is drawn")
-        fields = readers[inner["type"]](inner) if inner["type"] in readers else {}
+    def read(self, values: Mapping[str, Any]) -> ReadMaterial:
+        inner, around, opacity, normal = self._unwrapped(values)
+        kind = inner["type"]
+        if self._is_ours(inner):
+            self.said += ["bump map"] if "bumpmap" in around else []
+            readers = {"principled": self._principled, "diffuse": self._diffuse}
+            fields = readers.get(kind, self._conductor)(inner)
+            fields |= {"bsdf": self._kept(inner, around)} if kind == "principled" and _has_more(inner) else {}
+        elif kind == "null":
+            fields = {}
+        else:
+            bsdf = self._kept(inner, around)
+            fields = {**stand_in(bsdf), "bsdf": bsdf}
         fields |= self._opacity(fields, opacity)
         if normal is not None:
-            fields["normal_texture"] = self._normal_slot(normal)
+            fields["normal_texture"] = self.parts.normal_slot(normal)
         base = fields.pop("base", None)
-        return Material(name=self.name, base_texture=base, **fields, not_read=tuple(self.said))
+        if kind == "null":
+            fields |= {"opacity": 0.0, "alpha": "mask", "bsdf": None}
+        material = Material(name=self.name, base_texture=base, **fields, not_read=tuple(self.said))
+        files = (*self.parts.files, *image_files(fields.get("bsdf") or {}, self.reach))
+        return ReadMaterial(
+            material=material,
+            textures=tuple(self.parts.textures),
+            files=tuple(dict.fromkeys(files)),
+            two_sided="twosided" in around or fields.get("bsdf") is not None,
+            drawn=kind != "null",
+        )
 
-    def _unwrapped(self, values: dict) -> tuple[dict, object, dict | None]:
-        """The BSDF inside its adapters, the opacity of `mask` and the image of `normalmap` (None without)."""
+    def _is_ours(self, values: Mapping[str, Any]) -> bool:
+        kind = values["type"]
+        if kind == "principled":
+            return not acts(values.get("spec_trans", 0))
+        if kind == "conductor" or kind == "roughconductor":
+            rough = kind == "conductor" or values.get("distribution", "beckmann") == "ggx" and "alpha_u" not in values
+            return rough and self._f0(values) is not None
+        return kind == "diffuse"
+
+    def _unwrapped(self, values: Mapping[str, Any]) -> tuple[Mapping, dict[str, Mapping], Any, Any]:
+        """The BSDF inside its adapters, these by type, the opacity of `mask` and the image of `normalmap` (None without)."""
         opacity, normal = None, None
-        while _type_of(values) in ("twosided", "mask", "normalmap", "bumpmap"):
+        around: dict[str, Mapping] = {}
+        while type_of(values, "a BSDF") in ("twosided", "mask", "normalmap", "bumpmap"):
             textures = ("opacity", "normalmap", "arbitrary")
-            nested = [v for k, v in values.items() if isinstance(v, dict) and k not in textures and _is_bsdf(v)]
+            nested = [v for k, v in values.items() if isinstance(v, Mapping) and k not in textures and kind_of(v) == "bsdf"]
             if not nested:
                 raise InputError(f"{values['type']} without a BSDF in it")
             if len(nested) > 1:
@@ -91,40 +150,79 @@ class _Reader:
                 opacity = values.get("opacity", 0.5)
             elif values["type"] == "normalmap":
                 normal = values.get("normalmap")
-                if not isinstance(normal, dict) or normal.get("type") != "bitmap":
+                if not isinstance(normal, Mapping) or normal.get("type") != "bitmap":
                     raise InputError("normalmap without a bitmap")
-            elif values["type"] == "bumpmap":
-                self.said.append("bump map")
+            around.setdefault(values["type"], values)
             values = nested[0]
-        return values, opacity, normal
+        if kind_of(values) != "bsdf":
+            raise InputError(f"{values['type']} is no BSDF")
+        return values, around, opacity, normal
 
-    def _diffuse(self, values: dict) -> dict:
+    def _kept(self, inner: Mapping[str, Any], around: dict[str, Mapping]) -> dict[str, Any]:
+        """The BSDF as it is, inside its normal map, bump map and `twosided`; masks are ours."""
+        kind = inner["type"]
+        for adapter, values in reversed(around.items()):
+            if adapter != "mask":
+                own = {k: v for k, v in values.items() if not isinstance(v, Mapping) or kind_of(v) != "bsdf"}
+                inner = {**own, "inner": inner}
+        bsdf, left_out = kept_bsdf(inner, self.reach)
+        self.said.append(f"BSDF {kind}: kept for path, raster draws a stand-in, not demodulated")
+        self.said += left_out
+        return bsdf
+
+    def _diffuse(self, values: Mapping[str, Any]) -> dict:
         self._tell_unknown(values, ("reflectance",))
-        color, base = self._color(values, "reflectance")
+        color, base = self.parts.color(values, "reflectance")
         return {"base_color": color, "base": base, "roughness": 1.0, "metallic": 0.0, "specular": 0.0}
 
-    def _principled(self, values: dict) -> dict:
-        self._tell_unknown(values, (*PRINCIPLED, *WITHOUT_COUNTERPART, *DEPENDENT, *SAMPLING))
-        color, base = self._color(values, "base_color")
-        roughness, roughness_image = self._number(values, "roughness", 0.5)
-        metallic, metallic_image = self._number(values, "metallic", 0.0)
-        for key in (*WITHOUT_COUNTERPART, *DEPENDENT):
-            acts = all(_acts(values.get(k, 0)) for k in (key, DEPENDENT.get(key, key)))
-            self.said += [f"{key} {_text(values[key])}"] if acts else []
+    def _conductor(self, values: Mapping[str, Any]) -> dict:
+        known = ("material", "eta", "k", "specular_reflectance", "distribution", "sample_visible", "alpha")
+        self._tell_unknown(values, known)
+        tint, base = self.parts.color(values, "specular_reflectance", 1.0)
+        alpha, image = (0.0, None) if values["type"] == "conductor" else self.parts.number(values, "alpha", 0.1)
+        if image is not None:
+            texture, uv = image
+            root = np.sqrt(np.clip(linear_texels(texture), 0, 1)).astype(np.float32)
+            image = replaced(texture, root), uv
+        elif not 0 <= alpha <= 1:
+            raise InputError(f"alpha is {alpha:g}, 0 to 1 is expected")
+        return {
+            "base_color": tuple(a * b for a, b in zip(tint, self._f0(values), strict=True)),
+            "base": base,
+            "roughness": alpha**0.5,
+            "metallic": 1.0,
+            "surface_texture": self.parts.surface_slot(self.name, {1: image}),
+        }
+
+    def _f0(self, values: Mapping[str, Any]) -> tuple[float, float, float] | None:
+        """Of a metal by its name, or by eta and k; None where these are textures or the name is not in our table."""
+        if "eta" not in values and "k" not in values:
+            return METALS.get(str(values.get("material", "none")))
+        eta, k = (constant_color(values.get(key, default), key) for key, default in (("eta", 0.0), ("k", 1.0)))
+        if eta is None or k is None:
+            return None
+        return tuple(((e - 1) ** 2 + c**2) / max((e + 1) ** 2 + c**2, 1e-12) for e, c in zip(eta, k, strict=True))
+
+    def _principled(self, values: Mapping[str, Any]) -> dict:
+        self._tell_unknown(values, (*PRINCIPLED, *WITHOUT_COUNTERPART, *DEPENDENT, *SAMPLING, "spec_trans"))
+        color, base = self.parts.color(values, "base_color")
+        roughness, roughness_image = self.parts.number(values, "roughness", 0.5)
+        metallic, metallic_image = self.parts.number(values, "metallic", 0.0)
+        self.said += [f"{key} {_text(values[key])}" for key in _acting(values)]
         return {
             "base_color": color,
             "base": base,
             "roughness": roughness,
             "metallic": metallic,
             "specular": self._specular(values, is_metal=metallic == 1 and metallic_image is None),
-            "surface_texture": self._surface_slot({1: roughness_image, 2: metallic_image}),
+            "surface_texture": self.parts.surface_slot(self.name, {1: roughness_image, 2: metallic_image}),
         }
 
-    def _specular(self, values: dict, is_metal: bool) -> float:
+    def _specular(self, values: Mapping[str, Any], is_metal: bool) -> float:
         if "eta" in values and "specular" in values:
             raise InputError("eta and specular, which say the same: one is expected")
         key = "eta" if "eta" in values else "specular"
-        given, image = self._number(values, key, 0.5)
+        given, image = self.parts.number(values, key, 0.5)
         if image is not None:
             self.said.append(f"{key} through an image: 0.5 is specular")
             return 0.5
@@ -133,167 +231,33 @@ class _Reader:
         self.said += [] if is_metal else said
         return specular
 
-    def _opacity(self, fields: dict, opacity) -> dict:
+    def _opacity(self, fields: dict, opacity: Any) -> dict:
         """Fields that `mask` sets."""
         if opacity is None:
             return {}
-        value, image = self._number({"opacity": opacity}, "opacity", 1.0)
+        value, image = self.parts.number({"opacity": opacity}, "opacity", 1.0)
+        below = fields.get("opacity", 1.0)
         if image is None:
-            return {"opacity": value, "alpha": "opaque" if value >= 1 else "blend"}
+            return {"opacity": value * below, "alpha": "opaque" if value * below >= 1 else "blend"}
         texture, uv = image
         alpha = linear_texels(texture)[..., 0]
-        base = fields.get("base")
+        base, textures = fields.get("base"), self.parts.textures
         if base and base.uv != uv:
             self.said.append("to_uv of opacity: that of base_color is used")
-        color = self.textures[base.texture] if base else _replaced(texture, texture.texels, scale=0.0, bias=1.0)
+        color = textures[base.texture] if base else replaced(texture, texture.texels, scale=0.0, bias=1.0)
         packed = pack_channels(f"{self.name} base", {0: (color, 0), 1: (color, 1), 2: (color, 2), 3: (texture, 0)})
-        slot = self._slot(packed, base.uv if base else uv)
+        slot = self.parts.slot(packed, base.uv if base else uv)
         if base:
-            self.textures[base.texture] = self.textures.pop()
+            textures[base.texture] = textures.pop()
             slot = base
-        is_mask = bool(((alpha == 0) | (alpha == 1)).all())
+        is_mask = bool(((alpha == 0) | (alpha == 1)).all()) and below == 1
         return {"base": slot, "alpha": "mask" if is_mask else "blend"}
 
-    def _color(self, values: dict, key: str) -> tuple[tuple[float, float, float], Slot | None]:
-        """Constant and slot of a colour, by default grey 0.5."""
-        value = values.get(key, 0.5)
-        if not isinstance(value, dict):
-            return _rgb(value, key), None
-        if value.get("type") in ("rgb", "srgb", "uniform", "spectrum"):
-            given = value.get("value", value.get("color"))
-            if value["type"] != "spectrum" or not isinstance(given, list | tuple):
-                return _rgb(given, key), None
-        if value.get("type") == "bitmap":
-            texture, uv = self._bitmap(value, key)
-            return (1.0, 1.0, 1.0), self._slot(texture, uv)
-        self.said.append(f"{key} through {value.get('type')}: grey 0.5 is drawn")
-        return (0.5, 0.5, 0.5), None
-
-    def _number(self, values: dict, key: str, default: float) -> "tuple[float, tuple[Texture, tuple] | None]":
-        """Constant and image [h, w, 4] of a number, whose image's components are equal."""
-        value = values.get(key, default)
-        if not isinstance(value, dict):
-            return _number_of(value, key), None
-        if value.get("type") in ("uniform", "spectrum", "rgb") and not isinstance(value.get("value"), str | dict):
-            given = np.atleast_1d(np.array(value.get("value"), dtype=float))
-            if given.size in (1, 3):
-                return _number_of(float(given @ LUMINANCE) if given.size == 3 else float(given[0]), key), None
-        if value.get("type") == "bitmap":
-            texture, uv = self._bitmap(value, key)
-            return 1.0, (_gray(texture), uv)
-        self.said.append(f"{key} through {value.get('type')}: {default:g} is drawn")
-        return default, None
-
-    def _bitmap(self, values: dict, key: str) -> tuple[Texture, tuple]:
-        if "filename" not in values:
-            raise InputError(f"bitmap of {key} without a filename")
-        if values.get("filter_type", "bilinear") != "bilinear":
-            self.said.append(f"{values['filter_type']} filter of {key}: it is filtered trilinearly")
-        wrap = values.get("wrap_mode", "repeat")
-        if wrap not in WRAP_MODES:
-            raise InputError(f"wrap_mode {wrap} of {key}: one of {', '.join(WRAP_MODES)} is expected")
-        file = _inside(values["filename"], self.folder)
-        if file not in self._texels:
-            self._texels[file] = read_image(file)
-        texels, is_raw = self._texels[file], bool(values.get("raw", False))
-        if texels.dtype != np.uint8 and not is_raw and file.suffix.lower() not in (".exr", ".hdr"):
-            self.said.append(f"sRGB of {values['filename']}, more than 8 bits: it is read as linear")
-        texture = Texture(
-            name=values["filename"], texels=texels, srgb=texels.dtype == np.uint8 and not is_raw, wrap=(wrap, wrap)
-        )
-        return texture, _uv_of(values.get("to_uv"), key)
-
-    def _surface_slot(self, images: "dict[int, tuple[Texture, tuple] | None]") -> Slot | None:
-        """Roughness and metallic in one texture; what is not sampled multiplies by 1."""
-        parts = {k: (image[0], 0) for k, image in images.items() if image}
-        if not parts:
-            return None
-        uvs = [image[1] for image in images.values() if image]
-        if any(uv != uvs[0] for uv in uvs):
-            self.said.append("to_uv of metallic: that of roughness is used")
-        return self._slot(pack_channels(f"{self.name} surface", parts), uvs[0])
-
-    def _normal_slot(self, values: dict) -> Slot:
-        texture, uv = self._bitmap(values, "normalmap")
-        return self._slot(_replaced(texture, texture.texels, srgb=texture.srgb, scale=2.0, bias=-1.0), uv)
-
-    def _slot(self, texture: Texture, uv: tuple) -> Slot:
-        self.textures.append(texture)
-        return Slot(texture=len(self.textures) - 1, uv=uv)
-
-    def _tell_unknown(self, values: dict, known: tuple[str, ...]) -> None:
+    def _tell_unknown(self, values: Mapping[str, Any], known: tuple[str, ...]) -> None:
         self.said += [f"property {key}" for key in values if key not in (*known, "type", "id")]
 
 
-def _acts(value) -> bool:
-    """Whether a parameter that does nothing at 0 does something."""
-    if isinstance(value, dict):
-        return value.get("type") not in ("uniform", "spectrum", "rgb") or bool(np.any(np.array(value.get("value")) != 0))
-    return value != 0
-
-
-def _type_of(values) -> str:
-    if not isinstance(values, dict) or not isinstance(values.get("type"), str):
-        raise InputError("a BSDF without a type")
-    return values["type"]
-
-
-def _is_bsdf(values: dict) -> bool:
-    return values.get("type") not in ("bitmap", "rgb", "srgb", "uniform", "spectrum", "checkerboard", None)
-
-
-def _inside(filename, folder: Path) -> Path:
-    """The file, which must lie in `folder`, links followed."""
-    root = Path(folder).resolve()
-    file = (root / str(filename)).resolve()
-    if not file.is_relative_to(root):
-        raise InputError(f"image {filename} lies outside the scene's folder")
-    if not file.is_file():
-        raise InputError(f"missing image {filename}")
-    return file
-
-
-def _uv_of(matrix, key: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Our 2x3 rows of `to_uv`, a 3x3 or 4x4 matrix on Mitsuba's uv: with F = (u, 1 - v), F to_uv F."""
-    if matrix is None:
-        return IDENTITY_UV
-    given = np.array(matrix, dtype=float)
-    if given.shape not in ((3, 3), (4, 4)):
-        raise InputError(f"to_uv of {key} is no 3x3 or 4x4 matrix")
-    affine = np.eye(3)
-    affine[:2, :2], affine[:2, 2] = given[:2, :2], given[:2, -1]
-    flip = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
-    return tuple(tuple(row) for row in (flip @ affine @ flip)[:2].tolist())
-
-
-def _gray(texture: Texture) -> Texture:
-    """The image as a number, as Mitsuba reads it: decoded, then the luminance of its colours."""
-    texels = texture.texels
-    if not texture.srgb and (texels[..., :1] == texels[..., 1:3]).all():
-        return texture
-    value = linear_texels(texture)[..., :3] @ np.float32(LUMINANCE)
-    return _replaced(texture, np.repeat(value[..., None], 4, axis=-1).astype(np.float32))
-
-
-def _replaced(texture: Texture, texels: NDArray, srgb: bool = False, scale: float = 1.0, bias: float = 0.0) -> Texture:
-    scales, biases = (scale, scale, scale, 1.0), (bias, bias, bias, 0.0)
-    return Texture(name=texture.name, texels=texels, srgb=srgb, wrap=texture.wrap, scale=scales, bias=biases)
-
-
-def _rgb(value, key: str) -> tuple[float, float, float]:
-    given = value if isinstance(value, list | tuple | np.ndarray) else [value] * 3
-    if len(given) != 3:
-        raise InputError(f"{key} has {len(given)} components, 3 are expected")
-    return tuple(_number_of(component, key) for component in given)
-
-
-def _number_of(value, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
-        raise InputError(f"{key} is {value!r}, a number is expected")
-    return float(value)
-
-
-def _text(value) -> str:
-    if isinstance(value, dict):
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
         return f"({value.get('type')})" if value.get("type") == "bitmap" else str(value.get("value"))
     return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -27,15 +27,18 @@ class Need:
     same_as: str | None = None
 
 
-def channel_needs(scene: SceneDescription, samples: Sequence[CameraSample], plan: RenderPlan) -> dict[str, Need]:
-    """One Need per channel of the table, in its order. `scene` has its environment already."""
+def channel_needs(
+    scene: SceneDescription, samples: Sequence[CameraSample], plan: RenderPlan, overlaid: bool = False
+) -> dict[str, Need]:
+    """One Need per channel of the table, in its order. `scene` has its environment already. overlaid: something is drawn over
+    the frames."""
     found = {
         **_material_needs(scene, plan),
         **_motion_needs(scene, samples),
         "emission": _emission_need(scene),
         "color_variance": _variance_need(plan),
         "transparency": _layer_need("transparency", any(m.alpha == "blend" for m in scene.materials), "blended materials"),
-        "overlay": _layer_need("overlay", False, "overlays"),
+        "overlay": _layer_need("overlay", overlaid, "overlays"),
     }
     names = [channel.name for channel in channels_with(plan.motion_offsets)]
     always = {name: Need(channel=name, needed=True, why="every scene needs it") for name in names}

@@ -1,41 +1,40 @@
 """USD stages (.usd .usda .usdc .usdz): meshes that move and deform, instances, UsdPreviewSurface and lights."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom, UsdLux, UsdSkel
+from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from ..errors import InputError
-from .description import Deformed, Environment, Light, Mesh, SceneDescription, SceneObject
+from .containment import Reach
+from .description import Environment, Light, Mesh, SceneDescription, SceneObject
+from .usd_cameras import read_cameras
 from .usd_deform import Deformation, deformed_vertices, find_skins, object_matrix, pose, read_deformation
+from .usd_dependencies import open_layers
+from .usd_light_meshes import cylinder_light, shining_materials
 from .usd_lights import ChangingLight, read_light
 from .usd_materials import MaterialReader
-from .usd_meshes import MeshPart, VertexSource, mesh_parts, moving_mesh, still_mesh, with_vertices
+from .usd_meshes import MeshPart, mesh_of, mesh_parts, shape_key, still_mesh, with_vertices
 from .usd_placement import Placement, PrototypePart, Visibility, place, place_instances, read_instances, read_visibility
+from .usd_surfaces import Surface, read_surface
+from .usd_times import Moving, deformed_at, lights_at, naming, of_seconds, visible_at, world_from_objects
 
 SHOWN = Usd.TraverseInstanceProxies()
 ALSO_ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 
 
-@dataclass(frozen=True)
-class Moving:
-    """A mesh prim whose vertices move. parts: where the vertices of a part come from, and the meshes that it is drawn as."""
-
-    deformation: Deformation
-    parts: tuple[tuple[VertexSource, tuple[int, ...]], ...]
-
-
 @dataclass
 class Reading:
-    """What was read of a stage so far. placements: of the objects, in their order."""
+    """What was read of a stage so far. surfaces: of mesh prims, by their shape. placements: of the objects, in their order.
+    for_viewports: paths of what is not drawn for its purpose, by that."""
 
-    reader: MaterialReader = field(default_factory=MaterialReader)
+    reader: MaterialReader
+    subdivision: int
+    surfaces: dict[tuple[str, ...], Surface | None] = field(default_factory=dict)
     meshes: list[Mesh] = field(default_factory=list)
     index_of: dict[tuple, int] = field(default_factory=dict)
     objects: list[SceneObject] = field(default_factory=list)
@@ -46,36 +45,27 @@ class Reading:
     lights: list[Light] = field(default_factory=list)
     changing_lights: dict[int, ChangingLight] = field(default_factory=dict)
     environments: list[Environment] = field(default_factory=list)
+    for_viewports: dict[str, list[str]] = field(default_factory=dict)
     not_read: list[str] = field(default_factory=list)
 
 
-def load_usd(file: Path) -> SceneDescription:
+def load_usd(file: Path, reach: Reach, subdivision: int) -> SceneDescription:
     """Read a stage. Raises InputError naming the file and the prim."""
-    try:
-        stage = Usd.Stage.Open(str(file))
-    except Tf.ErrorException as error:
-        raise InputError(f"not a USD stage: {' '.join(str(error).split())}", file=file) from None
-    problems = stage.GetCompositionErrors()
-    if problems:
-        raise InputError(f"does not compose: {' '.join(str(problems[0]).split())[:300]}", file=file)
-    with _naming(file):
-        return _read_stage(stage, file)
+    with naming(file):
+        layers = open_layers(file, reach)
+        stage = Usd.Stage.Open(layers[0])
+        problems = stage.GetCompositionErrors()
+        if problems:
+            raise InputError(f"does not compose: {' '.join(str(problems[0]).split())[:300]}", file=file)
+        return _read_stage(stage, file, Reading(MaterialReader(reach), subdivision))
 
 
-@contextmanager
-def _naming(file: Path) -> Iterator[None]:
-    """Adds the file to an InputError that does not name one."""
-    try:
-        yield
-    except InputError as error:
-        if error.file is None:
-            raise InputError(error.problem, file=file, frame=error.frame, field=error.field) from None
-        raise
-
-
-def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
-    reading = Reading()
-    of_time = partial(_of_time, stage, file)
+def _read_stage(stage: Usd.Stage, file: Path, reading: Reading) -> SceneDescription:
+    units = {"timeCodesPerSecond": stage.GetTimeCodesPerSecond(), "metersPerUnit": UsdGeom.GetStageMetersPerUnit(stage)}
+    for name, value in units.items():
+        if not 0 < value < np.inf:
+            raise InputError(f"{value:g} is no unit", field=name)
+    of_time = partial(of_seconds, stage, file)
     for prim, visibility in _drawn_prims(stage.GetPseudoRoot(), None, SHOWN, reading):
         if prim.IsA(UsdGeom.Mesh):
             _read_mesh(prim, visibility, reading)
@@ -83,7 +73,10 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
             _read_instancer(UsdGeom.PointInstancer(prim), visibility, reading)
         elif prim.HasAPI(UsdLux.LightAPI):
             _read_light(prim, visibility, reading)
+    cameras = read_cameras(stage, of_time, reading.not_read)
     not_read = [*reading.not_read, *(f"dome light {item.name}: only one is drawn" for item in reading.environments[1:])]
+    for purpose, paths in reading.for_viewports.items():
+        not_read.append(f"{len(paths)} prims of purpose {purpose}, as {paths[0]}: they are for viewports")
     # a layer inside a .usdz is called package.usdz[layer.usda]: the package itself is among the files already
     layers = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath and "[" not in layer.realPath]
     files = [file, *sorted({*layers, *reading.reader.files} - {file.resolve(), file})]
@@ -98,11 +91,12 @@ def _read_stage(stage: Usd.Stage, file: Path) -> SceneDescription:
         environment=reading.environments[0] if reading.environments else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
         metres_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
-        world_from_object=of_time(_world_from_object(reading.placements)),
-        deformed=of_time(partial(_deformed, reading.moving)) if reading.moving else None,
-        visible=of_time(partial(_visible, reading.placements)) if any(p.visible for p in reading.placements) else None,
-        lights_at=of_time(partial(_lights_at, reading)) if reading.changing_lights else None,
+        world_from_object=of_time(world_from_objects(reading.placements)),
+        deformed=of_time(partial(deformed_at, reading.moving)) if reading.moving else None,
+        visible=of_time(partial(visible_at, reading.placements)) if any(p.visible for p in reading.placements) else None,
+        lights_at=of_time(partial(lights_at, reading.lights, reading.changing_lights)) if reading.changing_lights else None,
         materials_at=of_time(reading.reader.materials_at) if reading.reader.changing else None,
+        cameras=cameras,
         animation_end_s=stage.GetEndTimeCode() / stage.GetTimeCodesPerSecond() if stage.HasAuthoredTimeCodeRange() else 0.0,
         not_read=tuple(not_read),
     )
@@ -118,6 +112,9 @@ def _drawn_prims(root: Usd.Prim, top: Usd.Prim | None, predicate, reading: Readi
             reading.skins.update(find_skins(prim, predicate, reading.skin_cache))
         visibility = read_visibility(prim, top)
         if not visibility.drawn:
+            purpose = str(UsdGeom.Imageable(prim).ComputePurpose()) if prim.IsA(UsdGeom.Gprim) else ""
+            if purpose in ("guide", "proxy"):
+                reading.for_viewports.setdefault(purpose, []).append(str(prim.GetPath()))
             continue
         if prim.IsA(UsdSkel.Skeleton):
             if not UsdSkel.Root.Find(prim):
@@ -129,8 +126,11 @@ def _drawn_prims(root: Usd.Prim, top: Usd.Prim | None, predicate, reading: Readi
 
 
 def _read_light(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
+    if prim.IsA(UsdLux.CylinderLight):
+        _read_cylinder(prim, visibility, reading)
+        return
     visible = visibility.at if visibility.changing else None
-    item = read_light(prim, _moving_attributes(prim), visible, reading.not_read, reading.reader.files)
+    item = read_light(prim, _moving_attributes(prim), visible, reading.not_read, reading.reader.images)
     if isinstance(item, ChangingLight):
         reading.changing_lights[len(reading.lights)] = item
         item = item.at(UsdGeom.XformCache(Usd.TimeCode.EarliestTime()))
@@ -140,14 +140,48 @@ def _read_light(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> Non
         reading.environments.append(item)
 
 
+def _read_cylinder(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
+    placement = place(prim, None, False, visibility)
+    light = cylinder_light(prim, partial(_matrix, placement), placement.moves, reading.reader, reading.not_read)
+    if light is None:
+        return
+    mesh, material = light
+    moves = placement.moves or placement.visible is not None
+    reading.objects.append(SceneObject(name=mesh.name, mesh=len(reading.meshes), material=material, moves=moves))
+    reading.meshes.append(mesh)
+    reading.placements.append(placement)
+
+
+def _matrix(placement: Placement, cache: UsdGeom.XformCache) -> NDArray[np.float64]:
+    return placement.matrices(cache)[0]
+
+
+def _shining(prim: Usd.Prim, added: list, placement: Placement | None, reading: Reading) -> list[tuple[MeshPart, list[int]]]:
+    """The parts of a prim, with materials that shine where it is a light. added: of `_add_meshes`."""
+    if not prim.HasAPI(UsdLux.LightAPI) or not added:
+        return added
+    meshes = [reading.meshes[indices[0]] for _, indices in added]
+    matrix = partial(_matrix, placement) if placement is not None else None
+    moves = placement is not None and placement.moves
+    materials = [part.material for part, _ in added]
+    shining = shining_materials(prim, materials, meshes, matrix, moves, reading.reader, reading.not_read)
+    return [(replace(part, material=index), indices) for (part, indices), index in zip(added, shining, strict=True)]
+
+
 def _read_mesh(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
     deformation, parts = _mesh_and_parts(prim, None, reading)
     anchor, local, local_moves = _frame(prim, deformation)
     placement = place(anchor, local, local_moves, visibility)
     moves = placement.moves or placement.visible is not None or (deformation is not None and deformation.moves)
-    for part, indices in _add_meshes(deformation, parts, 1, reading):
-        reading.objects.append(SceneObject(name=part.name, mesh=indices[0], material=part.material, moves=moves))
+    for part, indices in _shining(prim, list(_add_meshes(deformation, parts, 1, reading)), placement, reading):
+        both = _double_sided(prim)
+        item = SceneObject(name=part.name, mesh=indices[0], material=part.material, moves=moves, double_sided=both)
+        reading.objects.append(item)
         reading.placements.append(placement)
+
+
+def _double_sided(prim: Usd.Prim) -> bool:
+    return bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(Usd.TimeCode.EarliestTime()))
 
 
 def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, reading: Reading) -> None:
@@ -166,37 +200,40 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
         members = instances.ids[instances.prototypes == number].tolist()
         predicate = SHOWN if root.IsDefined() and not root.IsAbstract() else ALSO_ABSTRACT
         for prim, shown in _drawn_prims(root, root, predicate, reading) if members else ():
-            if prim.IsA(UsdGeom.PointInstancer) or prim.HasAPI(UsdLux.LightAPI):
+            if prim.IsA(UsdGeom.PointInstancer) or (prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Mesh)):
                 reading.not_read.append(f"{prim.GetTypeName()} {prim.GetPath()} in a prototype of {path}")
             if not prim.IsA(UsdGeom.Mesh):
                 continue
             deformation, parts = _mesh_and_parts(prim, root, reading)
             anchor, local, local_moves = _frame(prim, deformation)
-            for part, indices in _add_meshes(deformation, parts, len(members), reading):
+            for part, indices in _shining(prim, list(_add_meshes(deformation, parts, len(members), reading)), None, reading):
                 placed.append(
                     PrototypePart(
                         prototype=number, root=root, anchor=anchor, local=local, local_moves=local_moves, visibility=shown
                     )  # fmt: skip
                 )
                 inside = part.name[len(str(root.GetPath().GetParentPath()).rstrip("/")) :]
-                moves = deformation is not None and deformation.moves
+                moves, both = deformation is not None and deformation.moves, _double_sided(prim)
                 objects += [
-                    SceneObject(name=f"{path}[{member}]{inside}", mesh=index, material=part.material, moves=moves)
+                    SceneObject(
+                        name=f"{path}[{member}]{inside}", mesh=index, material=part.material, moves=moves, double_sided=both
+                    )
                     for member, index in zip(members, indices, strict=True)
-                ]
+                ]  # fmt: skip
     placement = place_instances(instances, placed, visibility)
     if placement.moves or placement.visible is not None:
-        objects = [SceneObject(name=item.name, mesh=item.mesh, material=item.material, moves=True) for item in objects]
+        objects = [replace(item, moves=True) for item in objects]
     reading.objects += objects
     reading.placements.append(placement)
 
 
 def _mesh_and_parts(prim: Usd.Prim, top: Usd.Prim | None, reading: Reading) -> tuple[Deformation | None, list[MeshPart]]:
-    usd_mesh = UsdGeom.Mesh(prim)
-    if prim.HasAPI(UsdLux.LightAPI):
-        reading.not_read.append(f"light of mesh {prim.GetPath()}: it is drawn without shining")
-    parts = list(mesh_parts(usd_mesh, reading.reader, reading.not_read))
-    return (read_deformation(usd_mesh, reading.skins, top, reading.not_read) if parts else None), parts
+    key = shape_key(prim)
+    if key not in reading.surfaces:
+        reading.surfaces[key] = read_surface(UsdGeom.Mesh(prim), reading.subdivision, reading.not_read)
+    surface = reading.surfaces[key]
+    parts = [part for part in mesh_parts(prim, surface, reading.reader) if len(part.faces)] if surface else []
+    return (read_deformation(prim, surface, reading.skins, top, reading.not_read) if parts else None), parts
 
 
 def _frame(prim: Usd.Prim, deformation: Deformation | None):
@@ -221,7 +258,7 @@ def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: i
     now = pose(deformation, begin)
     sources = []
     for part in parts:
-        mesh, source = moving_mesh(part)
+        mesh, source = mesh_of(part)
         first = deformed_vertices(deformation, now, source, begin)
         mesh = with_vertices(mesh, first.positions, first.normals, deformation.moves)
         copies = count if deformation.moves else 1
@@ -231,63 +268,6 @@ def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: i
         yield part, indices if deformation.moves else indices * count
     if deformation.moves:
         reading.moving.append(Moving(deformation, tuple(sources)))
-
-
-def _of_time(stage: Usd.Stage, file: Path, function: Callable[[Usd.TimeCode], Any]) -> Callable[[float], Any]:
-    """`function` of a time code as one of the time in seconds, whose InputErrors name the file."""
-    rate = stage.GetTimeCodesPerSecond()
-
-    def of_time(time_s: float):
-        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
-        with _naming(file):
-            return function(Usd.TimeCode(time_s * rate))
-
-    return of_time
-
-
-def _world_from_object(placements: list[Placement]) -> Callable[[Usd.TimeCode], NDArray[np.float64]]:
-    start = UsdGeom.XformCache(Usd.TimeCode(0))
-    begin = np.concatenate([np.zeros((0, 4, 4)), *(item.matrices(start) for item in placements)])
-    moving = [(row, item) for row, item in _rows(placements) if item.moves]
-
-    def world_from_object(code: Usd.TimeCode) -> NDArray[np.float64]:
-        cache = UsdGeom.XformCache(code)
-        matrices = begin.copy()
-        for row, item in moving:
-            matrices[row : row + item.count] = item.matrices(cache)
-        return matrices
-
-    return world_from_object
-
-
-def _visible(placements: list[Placement], code: Usd.TimeCode) -> NDArray[np.bool_]:
-    shown = np.ones(sum(item.count for item in placements), dtype=bool)
-    for row, item in _rows(placements):
-        if item.visible is not None:
-            shown[row : row + item.count] = item.visible(code)
-    return shown
-
-
-def _rows(placements: list[Placement]) -> Iterator[tuple[int, Placement]]:
-    row = 0
-    for item in placements:
-        yield row, item
-        row += item.count
-
-
-def _deformed(moving: list[Moving], code: Usd.TimeCode) -> dict[int, Deformed]:
-    out: dict[int, Deformed] = {}
-    for item in moving:
-        now = pose(item.deformation, code)
-        for source, indices in item.parts:
-            out |= dict.fromkeys(indices, deformed_vertices(item.deformation, now, source, code))
-    return out
-
-
-def _lights_at(reading: Reading, code: Usd.TimeCode) -> tuple[Light, ...]:
-    cache = UsdGeom.XformCache(code)
-    changed = {index: item.at(cache) for index, item in reading.changing_lights.items()}
-    return tuple(changed.get(index, item) for index, item in enumerate(reading.lights))
 
 
 def _moving_attributes(prim: Usd.Prim) -> list[Usd.Attribute]:

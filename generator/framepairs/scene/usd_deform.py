@@ -12,7 +12,9 @@ from pxr import Usd, UsdGeom, UsdSkel, Vt
 
 from ..errors import InputError
 from .description import Deformed
-from .usd_meshes import VertexSource, vertex_normals
+from .usd_arrays import vectors
+from .usd_meshes import VertexSource
+from .usd_surfaces import Surface
 
 FAR = 1.0  # a figure is far from the origin of its skeleton where its centre lies outside the sphere of its radius there
 
@@ -46,7 +48,8 @@ class BlendShapes:
 class Deformation:
     """What acts on the vertices of one mesh. anchor: the prim in whose space they stand (with the skin's origin)."""
 
-    mesh: UsdGeom.Mesh
+    prim: Usd.Prim
+    surface: Surface
     anchor: Usd.Prim
     sampled: bool
     skin: Skin | None
@@ -66,9 +69,11 @@ class Deformation:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Points [P, 3] of a mesh at one time in object space; offsets [P, 3] to normals; matrices [P, 3, 3] of normals."""
+    """A mesh at one time in object space: its drawn points [D, 3] and smooth normals [G, 3]; for authored normals, where the
+    drawn points are those of the prim, offsets [D, 3] to them and matrices [D, 3, 3]."""
 
     points: NDArray[np.float64]
+    smooth: NDArray[np.float32] | None
     normal_offsets: NDArray[np.float64] | None
     normal_matrices: NDArray[np.float64] | None
 
@@ -82,26 +87,25 @@ def find_skins(root: Usd.Prim, predicate, cache: UsdSkel.Cache) -> Skins:
     skel_root = UsdSkel.Root(root)
     cache.Populate(skel_root, predicate)
     return {
-        str(target.GetPrim().GetPath()): (
-            binding.GetSkeleton().GetPrim(), cache.GetSkelQuery(binding.GetSkeleton()), target
-        )  # fmt: skip
+        str(target.GetPrim().GetPath()): (binding.GetSkeleton().GetPrim(), cache.GetSkelQuery(binding.GetSkeleton()), target)
         for binding in cache.ComputeSkelBindings(skel_root, predicate)
         for target in binding.GetSkinningTargets()
     }
 
 
 def read_deformation(
-    usd_mesh: UsdGeom.Mesh, skins: Skins, top: Usd.Prim | None, not_read: list[str]
+    prim: Usd.Prim, surface: Surface, skins: Skins, top: Usd.Prim | None, not_read: list[str]
 ) -> Deformation | None:
-    """What moves the vertices of a mesh, or None. top: root of the prototype that the mesh is part of.
+    """What moves the vertices of a mesh, or None. surface: what is drawn of it. top: root of the prototype that the mesh
+    is part of.
 
     Raises InputError naming the prim where skin or blend shapes do not fit the mesh.
     """
-    prim = usd_mesh.GetPrim()
-    path = str(prim.GetPath())
+    usd_mesh, path = UsdGeom.Mesh(prim), str(prim.GetPath())
     normals = UsdGeom.PrimvarsAPI(usd_mesh).GetPrimvar("normals")
     own = normals.GetAttr() if normals and normals.HasValue() else usd_mesh.GetNormalsAttr()
-    sampled = usd_mesh.GetPointsAttr().ValueMightBeTimeVarying() or own.ValueMightBeTimeVarying()
+    turning = surface.smooth is None and own.ValueMightBeTimeVarying()
+    sampled = usd_mesh.GetPointsAttr().ValueMightBeTimeVarying() or turning
     skin, shapes = None, None
     binding = UsdSkel.BindingAPI(prim)
     if path in skins:
@@ -118,7 +122,7 @@ def read_deformation(
     if skin is None and shapes is None and not sampled:
         return None
     anchor = bones if skin else prim
-    deformation = Deformation(mesh=usd_mesh, anchor=anchor, sampled=sampled, skin=skin, shapes=shapes)
+    deformation = Deformation(surface=surface, prim=prim, anchor=anchor, sampled=sampled, skin=skin, shapes=shapes)
     if skin is None or skin.rigid:
         return deformation
     points = pose(deformation, Usd.TimeCode(0)).points
@@ -192,12 +196,11 @@ def _read_shapes(usd_mesh: UsdGeom.Mesh, animation: UsdSkel.AnimQuery, query: Us
 
 def sampled(attribute: Usd.Attribute, code: Usd.TimeCode) -> NDArray[np.float64]:
     """An array of vectors [n, 3] at a time, interpolated linearly between its samples (UsdGeom), in float64."""
-    value = attribute.Get(code) or ()
     held = attribute.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
     bracket = attribute.GetBracketingTimeSamples(code.GetValue())
     if held or not bracket or bracket[0] == bracket[1]:
-        return np.array(value, dtype=np.float64).reshape(-1, 3)
-    before, after = (np.array(attribute.Get(time) or (), dtype=np.float64).reshape(-1, 3) for time in bracket)
+        return vectors(attribute, code)
+    before, after = (vectors(attribute, time) for time in bracket)
     if len(before) != len(after):
         return before
     return before + (after - before) * ((code.GetValue() - bracket[0]) / (bracket[1] - bracket[0]))
@@ -205,7 +208,7 @@ def sampled(attribute: Usd.Attribute, code: Usd.TimeCode) -> NDArray[np.float64]
 
 def pose(deformation: Deformation, code: Usd.TimeCode) -> Pose:
     """The mesh at a time. Raises InputError naming the prim where its points are not finite."""
-    points = sampled(deformation.mesh.GetPointsAttr(), code)
+    points = sampled(UsdGeom.Mesh(deformation.prim).GetPointsAttr(), code)
     offsets = matrices = None
     if deformation.shapes is not None:
         points, offsets = _blended_shapes(deformation.shapes, points, code)
@@ -216,8 +219,9 @@ def pose(deformation: Deformation, code: Usd.TimeCode) -> Pose:
         points = np.einsum("pij,pj->pi", blended[:, :, :3], points) + blended[:, :, 3]
         matrices = _blended(skin, _normal_matrices(joints).reshape(-1, 9), len(points)).reshape(-1, 3, 3)
     if not np.isfinite(points).all():
-        raise InputError(f"points are not finite at time code {code.GetValue():g}", field=str(deformation.mesh.GetPath()))
-    return Pose(points=points, normal_offsets=offsets, normal_matrices=matrices)
+        raise InputError(f"points are not finite at time code {code.GetValue():g}", field=str(deformation.prim.GetPath()))
+    points = deformation.surface.drawn(points)
+    return Pose(points=points, smooth=deformation.surface.normals(points), normal_offsets=offsets, normal_matrices=matrices)
 
 
 def object_matrix(deformation: Deformation, code: Usd.TimeCode) -> NDArray[np.float64]:
@@ -281,8 +285,8 @@ def _blended(skin: Skin, rows: NDArray, count: int) -> NDArray[np.float64]:
 def deformed_vertices(deformation: Deformation, now: Pose, source: VertexSource, code: Usd.TimeCode) -> Deformed:
     """The vertices of one part of the mesh in its pose: a gather. Normals are recomputed where none are authored."""
     positions = now.points.astype(np.float32)[source.point]
-    if source.triangles is not None:
-        return Deformed(positions=positions, normals=vertex_normals(now.points, source.triangles)[source.point])
+    if source.group is not None:
+        return Deformed(positions=positions, normals=now.smooth[source.group])
     if source.normals is None:
         return Deformed(positions=positions)
     normals = sampled(source.normals, code)[source.normal]

@@ -1,47 +1,25 @@
-"""Lights of USD stages (UsdLux) as Lights and Environments.
-
-UsdLux (its LightAPI): a light emits radiance L = intensity * 2^exposure * color, tinted by the black body where
-enableColorTemperature says so; `normalize` divides L by the light's surface area in world space, so that the power, pi L
-times that area, no longer depends on the size.
-"""
+"""Lights of USD stages (UsdLux) as Lights and Environments. Radiance and normalization: see usd_light_inputs."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Ar, Usd, UsdGeom, UsdLux
+from pxr import Usd, UsdGeom, UsdLux
 
 from ..errors import InputError
 from .description import Environment, Light, Texture, rotation_from_y_up
-from .images import decode_image, linear_texels
+from .images import linear_texels
+from .usd_light_inputs import EARLIEST, OF_RADIANCE, LightAt, differences, has_path, radiance_of, value_of, varying_attributes
+from .usd_textures import TextureReader
 
-EARLIEST = Usd.TimeCode.EarliestTime()
 HARD_SHADOW_DEGREES = 0.6  # diameter of a distant light above which its penumbra is missed; the sun's is 0.53
 UNEQUAL = 1e-3  # relative difference of scales, and cosine between axes, above which a shape is told to be another one
 
 
 # Attributes whose change over time is drawn; that of others is named.
-FOLLOWED = {f"inputs:{name}" for name in ("intensity", "exposure", "color", "enableColorTemperature", "colorTemperature")}
-FOLLOWED |= {f"inputs:{name}" for name in ("normalize", "angle", "width", "height", "radius")} | {"treatAsPoint"}
-
-
-@dataclass(frozen=True)
-class LightAt:
-    """A light's prim at a time. matrix: [4, 4] world from light then."""
-
-    prim: Usd.Prim
-    matrix: NDArray[np.float64]
-    code: Usd.TimeCode
-
-    @property
-    def path(self) -> str:
-        return str(self.prim.GetPath())
-
-    def value(self, name: str):
-        return _value(self.prim, name, self.code)
+FOLLOWED = OF_RADIANCE | {f"inputs:{name}" for name in ("angle", "width", "height", "radius")} | {"treatAsPoint"}
 
 
 @dataclass(frozen=True)
@@ -69,26 +47,25 @@ def read_light(
     moved_by: list[Usd.Attribute],
     visible: Callable[[Usd.TimeCode], bool] | None,
     not_read: list[str],
-    files: list[Path],
+    images: TextureReader,
 ) -> Light | ChangingLight | Environment | None:
     """The light of a prim with LightAPI, or None for a kind that is not drawn.
 
     moved_by: attributes that animate its transform. visible: of the time code, where its visibility changes. `not_read` and
-    `files` grow. Distant lights become directional ones whatever their angle, with the irradiance of their cone; sphere
+    `images` grow. Distant lights become directional ones whatever their angle, with the irradiance of their cone; sphere
     lights become points where treatAsPoint says so or their radius is 0, and spots where ShapingAPI gives them a cone of
     less than 180 degrees off the axis. Environments are those of the earliest time. Raises InputError naming the prim for
     numbers that are not finite and for images that cannot be read.
     """
     path = str(prim.GetPath())
-    varying = [a for a in prim.GetAttributes() if a.ValueMightBeTimeVarying() and a.GetName() != "visibility"]
-    varying = [a for a in varying if not a.GetName().startswith("xformOp")]
+    varying = varying_attributes(prim)
     if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
         if visible is not None:
             not_read.append(f"changing visibility of light {path}: it shines all the time")
         if moved_by or varying:
             not_read.append(f"motion of {path}: it shines as it begins")
-        not_read += [f"{what} of {path}{instead}" for what, instead in _differences(prim)]
-        return _dome(prim, np.array(UsdGeom.XformCache(EARLIEST).GetLocalToWorldTransform(prim)).T, files)
+        not_read += differences(prim)
+        return _dome(prim, np.array(UsdGeom.XformCache(EARLIEST).GetLocalToWorldTransform(prim)).T, images)
     if not any(prim.IsA(schema) for schema in READERS):
         not_read.append(f"{prim.GetTypeName()} {path}")
         return None
@@ -104,7 +81,7 @@ def read_light(
     not_read += [f"kind of {path}, a {kind} at times: it is dark then" for kind in _kinds(lights) - {shining.kind}]
     unread = [a.GetName() for a in varying if a.GetName() not in FOLLOWED]
     not_read += [f"animation of {name} of {path}: it stays as it begins" for name in unread]
-    not_read += [f"{what} of {path}{instead}" for what, instead in _differences(prim)]
+    not_read += differences(prim)
     return ChangingLight(prim, shining, visible) if followed or visible is not None else shining
 
 
@@ -122,14 +99,6 @@ def _light_at(prim: Usd.Prim, cache: UsdGeom.XformCache, not_read: list[str]) ->
     return item
 
 
-def _radiance(light: LightAt) -> NDArray[np.float64]:
-    """[3], before `normalize`."""
-    color = np.array(light.value("inputs:color"), dtype=float)
-    if light.value("inputs:enableColorTemperature"):
-        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(light.value("inputs:colorTemperature")))
-    return light.value("inputs:intensity") * 2.0 ** light.value("inputs:exposure") * color
-
-
 def _distant(light: LightAt, not_read: list[str]) -> Light:
     """Normalized: intensity is the irradiance. Otherwise a disk of radiance L in the sky, pi L sin^2(angle / 2)."""
     degrees = light.value("inputs:angle")
@@ -139,7 +108,7 @@ def _distant(light: LightAt, not_read: list[str]) -> Light:
     if degrees > HARD_SHADOW_DEGREES:
         not_read.append(f"angle of distant light {path}, {degrees:g} degrees: its shadows are hard")
     direction = _shining_along(light.matrix)
-    return Light(name=path, kind="directional", radiance=_tuple(_radiance(light) * extent), direction=direction)
+    return Light(name=path, kind="directional", radiance=_tuple(radiance_of(light) * extent), direction=direction)
 
 
 def _sphere(light: LightAt, not_read: list[str]) -> Light:
@@ -148,7 +117,7 @@ def _sphere(light: LightAt, not_read: list[str]) -> Light:
     A point of radius 0 that is not normalized would shine with 0; it takes the normalized intensity, too.
     """
     path = light.path
-    radiance, normalize, cone = _radiance(light), light.value("inputs:normalize"), _cone(light.prim)
+    radiance, normalize, cone = radiance_of(light), light.value("inputs:normalize"), _cone(light.prim)
     scales = np.linalg.svd(light.matrix[:3, :3], compute_uv=False)
     radius = float(light.value("inputs:radius") * np.prod(scales) ** (1 / 3))
     common = {"name": path, "position": tuple(light.matrix[:3, 3].tolist())}
@@ -187,7 +156,7 @@ def _flat(light: LightAt, kind: str, area_factor: float, u: NDArray, v: NDArray)
     size = float(np.linalg.norm(across))
     if size == 0:
         return None
-    radiance = _radiance(light) / (area_factor * size if light.value("inputs:normalize") else 1)
+    radiance = radiance_of(light) / (area_factor * size if light.value("inputs:normalize") else 1)
     return Light(
         name=light.path,
         kind=kind,
@@ -210,64 +179,25 @@ def _cone(prim: Usd.Prim) -> tuple[float, float] | None:
     """
     if not prim.HasAPI(UsdLux.ShapingAPI):
         return None
-    degrees, softness = _value(prim, "inputs:shaping:cone:angle"), _value(prim, "inputs:shaping:cone:softness")
+    degrees, softness = value_of(prim, "inputs:shaping:cone:angle"), value_of(prim, "inputs:shaping:cone:softness")
     if degrees >= 180:
         return None
     outer = math.radians(max(degrees, 0))
     return math.cos(outer * (1 - min(max(softness, 0), 1))), math.cos(outer)
 
 
-def _differences(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
-    """(what the prim asks for and is not drawn, what is drawn instead)."""
-    light = UsdLux.LightAPI(prim)
-    if light.GetFiltersRel().GetTargets():
-        yield "light filters", ""
-    for kind, name in (("diffuse", "inputs:diffuse"), ("specular", "inputs:specular")):
-        if _value(prim, name) != 1:
-            yield f"{kind} multiplier {_value(prim, name):g}", ""
-    for what, collection in (("light", light.GetLightLinkCollectionAPI()), ("shadow", light.GetShadowLinkCollectionAPI())):
-        chosen = collection.GetExcludesRel().GetTargets() or not collection.GetIncludeRootAttr().Get()
-        if chosen:
-            yield f"{what} linking", ": it concerns all objects"
-    if prim.HasAPI(UsdLux.ShadowAPI):
-        if not _value(prim, "inputs:shadow:enable"):
-            yield "shadow:enable = false", ": it casts shadows"
-        if any(_value(prim, "inputs:shadow:color")) or _value(prim, "inputs:shadow:distance") >= 0:
-            yield "colour or distance of shadows", ": they are black and long"
-    if prim.HasAPI(UsdLux.ShapingAPI):
-        if _value(prim, "inputs:shaping:focus"):
-            yield f"shaping:focus {_value(prim, 'inputs:shaping:focus'):g}", ""
-        if _value(prim, "inputs:shaping:ies:file"):
-            yield "IES profile", ""
-        is_cut = _value(prim, "inputs:shaping:cone:angle") < 90 or _value(prim, "inputs:shaping:cone:softness") > 0
-        if is_cut and not prim.IsA(UsdLux.SphereLight):
-            yield "cone", ": it shines to its whole side"
-    if prim.IsA(UsdLux.RectLight) and _has_path(_value(prim, "inputs:texture:file")):
-        yield "texture", ": it shines evenly"
-    if _value(prim, "inputs:texture:format") not in (None, "automatic", "latlong"):
-        yield f"texture format {_value(prim, 'inputs:texture:format')}", ": it is read as latlong"
-    if any(prim.HasAttribute(name) for name in ("intensity", "exposure", "color")):
-        yield "attributes without `inputs:`, as before USD 21.02,", ""
-
-
-def _dome(prim: Usd.Prim, matrix: NDArray, files: list[Path]) -> Environment:
-    asset = _value(prim, "inputs:texture:file")
+def _dome(prim: Usd.Prim, matrix: NDArray, images: TextureReader) -> Environment:
     texels = np.ones((1, 2, 3), dtype=np.float32)
-    if _has_path(asset):
-        opened = asset.resolvedPath and Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath))
-        if not opened:
-            raise InputError(f"missing texture {asset.path}", field=str(prim.GetPath()))
-        decoded = decode_image(bytes(opened.GetBuffer()), asset.path)
-        if "[" not in asset.resolvedPath:
-            files.append(Path(asset.resolvedPath))
-        texels = linear_texels(Texture(name=asset.path, texels=decoded, srgb=decoded.dtype == np.uint8))[..., :3]
+    if has_path(value_of(prim, "inputs:texture:file")):
+        image, name, _ = images.image(prim.GetAttribute("inputs:texture:file"), str(prim.GetPath()))
+        texels = linear_texels(Texture(name=name, texels=image.texels, srgb=image.texels.dtype == np.uint8))[..., :3]
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     rotation = np.divide(matrix[:3, :3], lengths, out=np.full((3, 3), np.nan), where=lengths > 0)
     if not np.isfinite(rotation).all():
         raise InputError("light with a number that is not finite, or a scale of 0", field=str(prim.GetPath()))
     environment = Environment(
         name=str(prim.GetPath()),
-        texels=(texels * _radiance(LightAt(prim, matrix, EARLIEST))).astype(np.float32),
+        texels=(texels * radiance_of(LightAt(prim, matrix, EARLIEST))).astype(np.float32),
         world_from_environment=rotation,
     )
     if prim.IsA(UsdLux.DomeLight_1) and _pole(prim) == "Z":
@@ -285,15 +215,6 @@ def _shining_along(matrix: NDArray) -> tuple[float, float, float]:
     """World direction of the light's -z; not a number where its scale is 0."""
     length = np.linalg.norm(matrix[:3, 2])
     return _tuple(-matrix[:3, 2] / length) if length else (math.nan,) * 3
-
-
-def _value(prim: Usd.Prim, name: str, code: Usd.TimeCode = EARLIEST):
-    attribute = prim.GetAttribute(name)
-    return attribute.Get(code) if attribute else None
-
-
-def _has_path(asset) -> bool:
-    return asset is not None and bool(asset.path)
 
 
 def _tuple(vector: NDArray) -> tuple[float, ...]:

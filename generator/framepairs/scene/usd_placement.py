@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from ..errors import InputError
+from .usd_arrays import integers
 
 LocalMatrix = Callable[[Usd.TimeCode], NDArray[np.float64]]
 INSTANCE_TRANSFORM_ATTRIBUTES = (
     "positions", "orientations", "orientationsf", "scales", "protoIndices", "ids"
 )  # fmt: skip
+MOST_INSTANCES = 10_000_000
 INSTANCE_MOTION_ATTRIBUTES = ("velocities", "accelerations", "angularVelocities")
 
 
@@ -80,6 +82,8 @@ def place(anchor: Usd.Prim, local: LocalMatrix | None, local_moves: bool, visibi
 
     def matrices(cache: UsdGeom.XformCache) -> NDArray[np.float64]:
         world = np.array(cache.GetLocalToWorldTransform(anchor)).T
+        if not np.isfinite(world).all():
+            raise InputError("its transform is not finite", field=str(anchor.GetPath()))
         return (world @ local(cache.GetTime()) if local else world)[None]
 
     return Placement(
@@ -138,7 +142,8 @@ def read_instances(instancer: UsdGeom.PointInstancer) -> Instances:
     for time in times:
         ids, prototypes, shown = _roster(instancer, Usd.TimeCode(time))
         if len(prototypes) and (prototypes.min() < 0 or prototypes.max() >= prototype_count):
-            raise InputError(f"prototype index {prototypes.max()} with only {prototype_count} prototypes", field=path)
+            wrong = prototypes.max() if prototypes.max() >= prototype_count else prototypes.min()
+            raise InputError(f"prototype index {wrong} with only {prototype_count} prototypes", field=path)
         if len(ids) != len(prototypes):
             raise InputError(f"{len(ids)} ids for {len(prototypes)} instances", field=path)
         _instance_matrices(instancer, Usd.TimeCode(time), len(prototypes))
@@ -162,9 +167,10 @@ def read_instances(instancer: UsdGeom.PointInstancer) -> Instances:
 
 def _roster(instancer: UsdGeom.PointInstancer, code: Usd.TimeCode) -> tuple[NDArray, NDArray, NDArray]:
     """ids, prototype indices and whether they are shown, [n] each."""
-    prototypes = np.array(instancer.GetProtoIndicesAttr().Get(code) or (), dtype=np.int64)
-    authored = instancer.GetIdsAttr().Get(code)
-    ids = np.array(authored, dtype=np.int64) if authored else np.arange(len(prototypes))
+    prototypes, ids = integers(instancer.GetProtoIndicesAttr(), code), integers(instancer.GetIdsAttr(), code)
+    if len(prototypes) > MOST_INSTANCES:
+        raise InputError(f"{len(prototypes)} instances, more than {MOST_INSTANCES}", field=str(instancer.GetPath()))
+    ids = ids if len(ids) else np.arange(len(prototypes))
     mask = instancer.ComputeMaskAtTime(code)
     return ids, prototypes, np.array(mask, dtype=bool) if len(mask) else np.ones(len(prototypes), dtype=bool)
 
@@ -176,7 +182,10 @@ def _instance_matrices(instancer: UsdGeom.PointInstancer, code: Usd.TimeCode, co
     )
     if len(found) != count:
         raise InputError(f"positions, orientations or scales do not fit its {count} instances", field=str(instancer.GetPath()))
-    return np.array(found).reshape(-1, 4, 4).transpose(0, 2, 1)
+    matrices = np.array(found).reshape(-1, 4, 4).transpose(0, 2, 1)
+    if not np.isfinite(matrices).all():
+        raise InputError("positions, orientations or scales are not finite", field=str(instancer.GetPath()))
+    return matrices
 
 
 def place_instances(instances: Instances, parts: Sequence[PrototypePart], visibility: Visibility) -> Placement:

@@ -1,0 +1,104 @@
+"""What changes in a USD stage, as functions of the time in seconds."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Tf, Usd, UsdGeom, UsdUtils
+
+from ..errors import InputError
+from .description import Deformed, Light
+from .usd_deform import Deformation, deformed_vertices, pose
+from .usd_lights import ChangingLight
+from .usd_meshes import VertexSource
+from .usd_placement import Placement
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A mesh prim whose vertices move. parts: where the vertices of a part come from, and the meshes that it is drawn as."""
+
+    deformation: Deformation
+    parts: tuple[tuple[VertexSource, tuple[int, ...]], ...]
+
+
+@contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Adds the file to an InputError that does not name one, and makes one of USD's own errors. Meanwhile, USD's warnings do
+    not reach the terminal."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()  # takes them up as long as it lives
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise InputError(f"USD: {' '.join(str(error).split())[:300]}", file=file) from None
+    except InputError as error:
+        if error.file is None:
+            raise InputError(error.problem, file=file, frame=error.frame, field=error.field) from None
+        raise
+    finally:
+        del delegate
+
+
+def of_seconds(stage: Usd.Stage, file: Path, function: Callable[[Usd.TimeCode], Any]) -> Callable[[float], Any]:
+    """`function` of a time code as one of the time in seconds, whose InputErrors name the file."""
+    rate = stage.GetTimeCodesPerSecond()
+
+    def of_time(time_s: float):
+        assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
+        with naming(file):
+            return function(Usd.TimeCode(time_s * rate))
+
+    return of_time
+
+
+def world_from_objects(placements: Sequence[Placement]) -> Callable[[Usd.TimeCode], NDArray[np.float64]]:
+    """Of a time code to [objects, 4, 4]; what stands still is computed once."""
+    start = UsdGeom.XformCache(Usd.TimeCode(0))
+    begin = np.concatenate([np.zeros((0, 4, 4)), *(item.matrices(start) for item in placements)])
+    moving = [(row, item) for row, item in _rows(placements) if item.moves]
+
+    def world_from_object(code: Usd.TimeCode) -> NDArray[np.float64]:
+        cache = UsdGeom.XformCache(code)
+        matrices = begin.copy()
+        for row, item in moving:
+            matrices[row : row + item.count] = item.matrices(cache)
+        return matrices
+
+    return world_from_object
+
+
+def visible_at(placements: Sequence[Placement], code: Usd.TimeCode) -> NDArray[np.bool_]:
+    """Which objects are drawn, [objects]."""
+    shown = np.ones(sum(item.count for item in placements), dtype=bool)
+    for row, item in _rows(placements):
+        if item.visible is not None:
+            shown[row : row + item.count] = item.visible(code)
+    return shown
+
+
+def _rows(placements: Sequence[Placement]) -> Iterator[tuple[int, Placement]]:
+    row = 0
+    for item in placements:
+        yield row, item
+        row += item.count
+
+
+def deformed_at(moving: Sequence[Moving], code: Usd.TimeCode) -> dict[int, Deformed]:
+    """The vertices of every mesh that moves, by its index."""
+    out: dict[int, Deformed] = {}
+    for item in moving:
+        now = pose(item.deformation, code)
+        for source, indices in item.parts:
+            out |= dict.fromkeys(indices, deformed_vertices(item.deformation, now, source, code))
+    return out
+
+
+def lights_at(lights: Sequence[Light], changing: Mapping[int, ChangingLight], code: Usd.TimeCode) -> tuple[Light, ...]:
+    """All lights, those that change by their index in `changing`."""
+    cache = UsdGeom.XformCache(code)
+    changed = {index: item.at(cache) for index, item in changing.items()}
+    return tuple(changed.get(index, item) for index, item in enumerate(lights))

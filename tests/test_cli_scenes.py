@@ -1,0 +1,128 @@
+"""The command line around a user's own scene: what it needs and saves, its cameras, files outside its folder, overlays."""
+
+import json
+
+from PIL import Image
+
+from framepairs.corpus import Corpus
+from test_cli import TINY, framepairs
+
+STAGE = """#usda 1.0
+(
+    upAxis = "Y"
+    startTimeCode = 0
+    endTimeCode = 3
+    timeCodesPerSecond = 24
+)
+def Mesh "Floor" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+    uniform token subdivisionScheme = "none"
+    rel material:binding = </Paint>
+}}
+def Material "Paint"
+{{
+    token outputs:surface.connect = </Paint/Surface.outputs:surface>
+    def Shader "Surface"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Paint/Image.outputs:rgb>
+        token outputs:surface
+    }}
+    def Shader "Image"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{image}@
+        float3 outputs:rgb
+    }}
+}}
+def Camera "Main"
+{{
+    double3 xformOp:translate.timeSamples = {{ 0: (0, 0.5, 4), 3: (0.3, 0.5, 4) }}
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
+
+
+def stage(folder, image="paint.png"):
+    (folder / "scene").mkdir(exist_ok=True)
+    for place in (folder / "paint.png", folder / "scene" / "paint.png"):
+        Image.new("RGB", (8, 8), (200, 120, 40)).save(place)
+    file = folder / "scene" / "set.usda"
+    file.write_text(STAGE.format(image=image))
+    return file
+
+
+def test_describe_says_what_leaving_out_saves(tmp_path):
+    file = stage(tmp_path)
+    told = json.loads(framepairs("describe", file, "--display", "64x36", "--json").stdout)
+    assert told["cameras"] == ["/Main"] and told["triangles"] == 2 and told["not read"] == []
+    rows = told["channels"]
+    assert rows["albedo"]["needed"] and rows["albedo"]["bytes"] == 0 and rows["albedo"]["milliseconds"] == 0
+    for name in ("metallic", "transparency", "overlay"):
+        row = rows[name]
+        assert not row["needed"] and row["value"] == "constant 0" and row["bytes"] > 0 and row["milliseconds"] > 0
+    assert rows["motion"]["needed"] and not rows["dual_motion"]["value"]
+
+
+def test_describe_measures_motion_where_nothing_moves(tmp_path):
+    still = tmp_path / "still.json"
+    keyframe = {"time": 0, "position": [0, 1, 4], "look_at": [0, 0, 0], "hold": 0.5}
+    still.write_text(json.dumps({"version": 1, "fps": 4, "keyframes": [keyframe]}))
+    told = json.loads(framepairs("describe", stage(tmp_path), "--camera", still, "--display", "64x36", "--json").stdout)
+    motion, dual = told["channels"]["motion"], told["channels"]["dual_motion"]
+    assert (motion["value"], dual["value"]) == ("constant 0 0", "same as motion")
+    assert motion["bytes"] > 0 and dual["bytes"] > 0
+    quick = json.loads(framepairs("describe", stage(tmp_path), "--no-measure", "--json").stdout)
+    assert quick["channels"]["overlay"]["bytes"] is None
+
+
+def test_describe_prints_a_table(tmp_path):
+    done = framepairs("describe", stage(tmp_path), "--display", "64x36", COLUMNS="160")
+    assert done.returncode == 0 and "MB saved" in done.stdout and "/Main" in done.stdout
+    assert any("overlay" in line and "no overlays" in line for line in done.stdout.splitlines())
+
+
+def test_a_camera_of_the_scene_is_flown(tmp_path):
+    file = stage(tmp_path)
+    out = tmp_path / "corpus"
+    done = framepairs("render", file, "--camera", "/Main", "--out", out, "--frames", "0:2", *TINY)
+    assert done.returncode == 0, done.stderr
+    corpus = Corpus(out)
+    entry = corpus.sequence("set_Main")
+    assert entry.camera_path_name == "/Main" and entry.frames == 4  # time codes 0 to 3 at 24 per second
+    assert abs(corpus.record("set_Main", 1).camera.view_from_world[0][3] + 0.1) < 1e-12
+    again = framepairs("regenerate", out, "--scale", "3", "--out", tmp_path / "again")
+    assert again.returncode == 0, again.stderr
+    wrong = framepairs("render", file, "--camera", "/Other", "--out", tmp_path / "other", *TINY)
+    assert wrong.returncode == 2 and "/Main" in wrong.stderr and not (tmp_path / "other").exists()
+
+
+def test_files_outside_the_folder_are_refused_unless_they_are_allowed(tmp_path):
+    file = stage(tmp_path, image="../paint.png")
+    for command in ("describe", "render"):
+        done = framepairs(command, file, *(TINY if command == "render" else ()), cwd=tmp_path)
+        assert done.returncode == 2 and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+        assert "paint.png lies outside the scene's folder (--allow-outside reads it)" in done.stderr
+    assert not (tmp_path / "set-corpus").exists()
+    out = tmp_path / "corpus"
+    done = framepairs("render", file, "--allow-outside", "--out", out, "--frames", "0:1", *TINY)
+    assert done.returncode == 0, done.stderr
+    assert framepairs("regenerate", out, "--scale", "3").returncode == 2
+    assert framepairs("regenerate", out, "--scale", "3", "--allow-outside").returncode == 0
+
+
+def test_an_overlay_is_rendered_regenerated_and_named_where_it_is_wrong(tmp_path):
+    file, out, overlay = stage(tmp_path), tmp_path / "corpus", tmp_path / "hud.json"
+    overlay.write_text(json.dumps({"version": 1, "elements": [{"text": "HUD", "screen": [0.5, 0.5], "size": 0.5}]}))
+    done = framepairs("render", file, "--overlay", overlay, "--out", out, "--frames", "0:1", *TINY)
+    assert done.returncode == 0, done.stderr
+    assert Corpus(out).read("set_orbit", "hr", "overlay", 0).max() > 0.2
+    assert framepairs("regenerate", out, "--scale", "3").returncode == 0
+    overlay.write_text(json.dumps({"version": 1, "elements": [{"text": "HUD", "screen": [0.5, 0.5]}]}))
+    wrong = framepairs("render", file, "--overlay", overlay, "--out", tmp_path / "other", *TINY)
+    assert wrong.returncode == 2 and "hud.json, elements.0: give exactly one of size, world_height" in wrong.stderr
+    assert not (tmp_path / "other").exists()

@@ -1,0 +1,66 @@
+"""Cameras that a scene brings, flown as camera paths."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analytic import at, make_scene, quad
+from framepairs.camera_path import frame_count, sample
+from framepairs.errors import InputError
+from framepairs.frame import path_of_camera
+from framepairs.options import camera_path_of
+from framepairs.scene.description import CameraView, Material, SceneCamera
+from framepairs.transforms import look_at
+
+UP = np.array([0.0, 1, 0])
+
+
+def flying(time_s: float) -> CameraView:
+    matrix = look_at(np.array([time_s, 1.0, 5 - time_s]), np.zeros(3), UP)
+    return CameraView(world_from_camera=matrix, fov_y=0.5 + 0.1 * time_s, shift=(0.1, -0.05 * time_s), near=0.5, far=50)
+
+
+def test_a_moving_camera_has_a_pose_for_every_frame():
+    path = path_of_camera(SceneCamera(name="c", at=flying, moves=True), end_s=1.5, fps=24)
+    assert frame_count(path) == 37 and (path.near, path.far) == (0.5, 50)
+    for frame in (0, 1, 17, 36):
+        seen, view = sample(path, frame / 24, UP), flying(frame / 24)
+        assert np.array_equal(seen.world_from_camera, view.world_from_camera)
+        assert seen.fov_y == pytest.approx(view.fov_y, rel=1e-14) and seen.shift == view.shift
+        assert seen.scene_time_s == frame / 24
+
+
+def test_a_still_camera_sees_the_whole_animation_or_a_second_of_stillness():
+    still = SceneCamera(name="c", at=lambda time_s: flying(1.0))
+    for end_s, frames in ((2.0, 49), (0.0, 32)):
+        path = path_of_camera(still, end_s)
+        assert frame_count(path) == frames
+        views = [sample(path, frame / 24, UP).world_from_camera for frame in range(frames)]
+        assert all(np.array_equal(view, views[0]) for view in views)
+
+
+def test_an_orthographic_camera_keeps_its_height():
+    flat = CameraView(world_from_camera=np.eye(4), height=3.5)
+    path = path_of_camera(SceneCamera(name="c", at=lambda time_s: flat), 0.0)
+    assert path.projection == "orthographic" and sample(path, 0.5, UP).height == 3.5
+
+
+def test_a_camera_that_changes_its_kind_is_refused():
+    def changing(time_s: float) -> CameraView:
+        flat = {"height": 2.0} if time_s > 0.5 else {"fov_y": 1.0}
+        return CameraView(world_from_camera=np.eye(4), **flat)
+
+    with pytest.raises(InputError, match="lens: changes between a perspective and an orthographic view"):
+        path_of_camera(SceneCamera(name="lens", at=changing, moves=True), 1.0)
+
+
+def test_a_camera_of_the_scene_goes_by_its_name():
+    scene = make_scene((quad(1, 1), Material(name="m"), at(0, 0, 0)))
+    scene = replace(scene, cameras=(SceneCamera(name="/World/Main", at=flying, moves=True),), animation_end_s=1.0)
+    path, name = camera_path_of("thing.usda", "/World/Main", scene)
+    assert name == "/World/Main" and frame_count(path) == 25
+    assert math.isclose(sample(path, 1.0, UP).fov_y, 0.6)
+    with pytest.raises(InputError, match=r"no such camera path: neither a file nor a bundled name \(market, .*/World/Main\)"):
+        camera_path_of("thing.usda", "/World/Other", scene)
