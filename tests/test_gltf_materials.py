@@ -123,7 +123,12 @@ def extended(**extensions):
         ({"ior": {"ior": 2}}, 1, ("ior 2: F0 is 0.08, not 0.111",)),  # (1 / 3)^2
         ({"ior": {"ior": 0}}, 1, ("ior 0: F0 is 0.08, not 1",)),
         ({"specular": {}}, 0.5, ()),
-        ({"specular": {"specularFactor": 0}}, 0, ("specularFactor 0 at grazing angles: reflectance is 1 there",)),
+        ({"specular": {"specularFactor": 0}}, 0, ()),
+        (
+            {"specular": {"specularFactor": 0.25}},
+            0.125,
+            ("specularFactor 0.25 at grazing angles: reflectance is 0.5 there",),
+        ),
         ({"specular": {"specularFactor": 0.5}, "ior": {"ior": 2}}, 1 / 18 / 0.08, ("specularFactor 0.5 at grazing",)),
         ({"specular": {"specularColorFactor": [1, 0.5, 0]}}, 0.5, ("specularColorFactor (1, 0.5, 0)",)),
         ({"specular": {"specularTexture": {"index": 0}}}, 0.5, ("specularTexture of KHR_materials_specular",)),

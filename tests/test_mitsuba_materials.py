@@ -166,7 +166,7 @@ def test_files_and_transforms_of_kept_bsdfs_are_absolute_and_plain(tmp_path):
     assert found.files == (tmp_path / "t.png",)
 
 
-def test_masks_around_kept_bsdfs_are_ours_and_normal_maps_both(tmp_path):
+def test_masks_of_one_opacity_and_normal_maps_stay_in_kept_bsdfs(tmp_path):
     """`path` draws the kept one with Mitsuba's normal map, the G-buffer and `raster` with ours."""
     image(tmp_path / "n.png")
     normal = {"type": "normalmap", "normalmap": bitmap("n.png", raw=True), "bsdf": {"type": "plastic"}}
@@ -174,7 +174,8 @@ def test_masks_around_kept_bsdfs_are_ours_and_normal_maps_both(tmp_path):
     assert (material.opacity, material.alpha) == (0.25, "blend")
     map_there = {"type": "bitmap", "filename": str(tmp_path / "n.png"), "raw": True}
     inside = {"type": "normalmap", "normalmap": map_there, "inner": {"type": "plastic"}}
-    assert material.bsdf == {"type": "twosided", "inner": inside}
+    masked = {"type": "mask", "opacity": 0.25, "inner": {"type": "twosided", "inner": inside}}
+    assert material.bsdf == masked
     assert material.normal_texture is not None
 
 

@@ -100,6 +100,9 @@ def test_textures_need_the_channels_that_they_vary():
     assert [name for name in values if base[name].needed] == ["albedo"]
     surface = needs(material(surface_texture=slot, metallic=1.0), textures=(SURFACE,))
     assert [name for name in values if surface[name].needed] == ["roughness", "metallic"]
+    # One whose texels do not count may still be another value than 1.
+    gray = replace(IMAGE, scale=(0, 0, 0, 1), bias=(0.3, 0.3, 0.3, 0))
+    assert needs(material(base_texture=slot), textures=(gray,))["albedo"].needed
     # A factor of 0 leaves a texture nothing to vary.
     dielectric = needs(material(surface_texture=slot, metallic=0.0), textures=(SURFACE,))["metallic"]
     assert (dielectric.needed, dielectric.constant) == (False, (0.0,))
@@ -139,6 +142,12 @@ def test_a_camera_that_only_turns_or_zooms_has_one_motion(last):
     found = motion([camera(), last])
     assert found["motion"].needed and found["visibility"].needed
     assert (found["dual_motion"].needed, found["dual_motion"].same_as) == (False, "motion")
+
+
+def test_an_orthographic_camera_that_turns_has_parallax():
+    """Its rays are parallel: what hides what changes with their direction."""
+    turning = [replace(camera(), height=2.0), replace(camera(yaw=0.1), height=2.0)]
+    assert all(need.needed for need in motion(turning).values())
 
 
 @pytest.mark.parametrize(("samples", "moves"), [([camera(), camera(x=1e-6)], False), ([camera(), camera()], True)])

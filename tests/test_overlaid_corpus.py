@@ -70,11 +70,20 @@ def test_another_overlay_is_another_key_and_the_sequence_refuses_it(tmp_path):
         list(render_sequence(second, range(1)))
 
 
+def test_an_overlay_that_does_not_fit_the_scene_leaves_nothing_behind(tmp_path):
+    elements = [{"text": "HUD", "object": "nobody", "size": 0.1}]
+    overlay = make_overlay({"version": 1, "elements": elements}, file=tmp_path / "a.overlay.json")
+    job = replace(two_quads_job(tmp_path / "corpus", scales=(2,)), overlay=overlay)
+    with pytest.raises(InputError, match="no object named 'nobody'"):
+        list(render_sequence(job, range(1)))
+    assert not (tmp_path / "corpus").exists()
+
+
 def test_a_changed_overlay_is_not_taken_for_the_recorded_one(tmp_path):
     scene = tmp_path / "quad.obj"
     scene.write_text("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n")
     overlay, plan = written(tmp_path), plan_of(scales=(2,), variants=("native",), antialiasing=1, channels="needed")
-    job = make_job(str(scene), scene, None, None, plan, tmp_path / "corpus", overlay=overlay)
+    job = make_job(str(scene), scene, None, plan, tmp_path / "corpus", overlay=overlay)
     list(render_sequence(job, range(1)))
     entry = Corpus(tmp_path / "corpus").sequence("quad_orbit")
     again, _ = stored_job(entry, None, plan, tmp_path / "again")

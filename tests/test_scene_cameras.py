@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analytic import at, make_scene, quad
+from analytic import at, make_scene, plan_of, quad
 from framepairs.camera_path import frame_count, sample
 from framepairs.errors import InputError
 from framepairs.frame import path_of_camera
+from framepairs.job import Job
 from framepairs.options import camera_path_of
 from framepairs.scene.description import CameraView, Material, SceneCamera
 from framepairs.transforms import look_at
@@ -39,6 +40,30 @@ def test_a_still_camera_sees_the_whole_animation_or_a_second_of_stillness():
         assert frame_count(path) == frames
         views = [sample(path, frame / 24, UP).world_from_camera for frame in range(frames)]
         assert all(np.array_equal(view, views[0]) for view in views)
+
+
+def test_an_animation_shorter_than_a_frame_is_one_pose():
+    assert frame_count(path_of_camera(SceneCamera(name="c", at=lambda time_s: flying(0.0)), end_s=0.03)) == 1
+
+
+def test_a_near_plane_behind_an_orthographic_camera_is_the_default():
+    view = CameraView(world_from_camera=np.eye(4), height=1.0, near=-5.0, far=10.0)
+    path = path_of_camera(SceneCamera(name="c", at=lambda time_s: view), 0.0)
+    assert path.near is None and path.far == 10
+
+
+def test_sequences_are_named_by_all_of_a_camera_s_name(tmp_path):
+    names = ("Camera", "Camera.001", "/A/Cam", "/B/Cam")
+    cameras = tuple(SceneCamera(name=name, at=flying, moves=True) for name in names)
+    scene = replace(make_scene((quad(1, 1), Material(name="m"), at(0, 0, 0))), cameras=cameras)
+
+    def sequence(name: str) -> str:
+        path = path_of_camera(cameras[0], 0.5)
+        keys = {"scene_name": "two.usda", "environment": None, "plan": plan_of(), "out": tmp_path}
+        return Job(scene=scene, path=path, path_name=name, **keys).sequence
+
+    assert [sequence(name) for name in names] == ["two_Camera", "two_Camera.001", "two_A_Cam", "two_B_Cam"]
+    assert sequence("paths/fly.json") == "two_fly"
 
 
 def test_an_orthographic_camera_keeps_its_height():

@@ -10,7 +10,7 @@ from pxr import Sdf
 
 from framepairs.errors import InputError
 from framepairs.scene import load_scene
-from usd_stages import QUAD, load, placed, prim, usd
+from usd_stages import QUAD, load, placed, prim, triangles, usd
 
 FLAT = 'uniform token subdivisionScheme = "none"'
 MESH = prim("Mesh", "m", QUAD, FLAT)
@@ -328,3 +328,22 @@ def test_heights_and_units_come_from_the_root_layer(tmp_path):
     scene = load(tmp_path, prim("Xform", "a", metadata="references = @part.usda@"), header='upAxis = "Z"\nmetersPerUnit = 0.5')
     assert (scene.up_axis, scene.metres_per_unit) == ("Z", 0.5)
     np.testing.assert_array_equal(scene.world_from_object(0.0)[0], np.eye(4))
+
+
+MOVES = """double3 xformOp:translate.timeSamples = {{ {a}: (0, 0, 0), {b}: (8, 0, 0) }}
+uniform token[] xformOpOrder = ["xformOp:translate"]"""
+
+
+@pytest.mark.parametrize(("start", "end", "length"), [(1001, 1049, 2.0), (0, 24, 1.0), (-24, 24, 2.0), (5, 5, 0.0)])
+def test_time_is_0_where_the_stage_s_animation_begins(tmp_path, start, end, length):
+    """In films the first frame is 1001: a camera path that starts at 0 s must meet it."""
+    box = prim("Mesh", "m", triangles([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), *MOVES.format(a=start, b=start + 24).splitlines())
+    first, last = "[(0, 0, 0), (1, 0, 0), (0, 1, 0)]", "[(2, 0, 0), (3, 0, 0), (2, 1, 0)]"
+    sampled = f"point3f[] points.timeSamples = {{ {start}: {first}, {start + 24}: {last} }}"
+    deforming = prim("Mesh", "d", "int[] faceVertexCounts = [3]", "int[] faceVertexIndices = [0, 1, 2]", sampled)
+    scene = load_scene(usd(tmp_path, box, deforming, header=f"startTimeCode = {start}\n endTimeCode = {end}"))
+    assert scene.animation_end_s == length
+    for time_s in (0.0, 0.5, 1.0):
+        assert scene.world_from_object(time_s)[0, 0, 3] == pytest.approx(8 * time_s, abs=1e-6)
+        assert scene.deformed(time_s)[1].positions[0, 0] == pytest.approx(2 * time_s, abs=1e-6)
+    assert scene.meshes[1].positions[0, 0] == 0

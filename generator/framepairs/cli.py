@@ -130,7 +130,8 @@ def render(
     scene_file = find_scene(scene)
     _activate(backend)
     default = Path(f"{scene_file.stem}-corpus")
-    job = make_job(scene, scene_file, camera, environment, resolved, out or default, clip, None, allow_outside, overlay)
+    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay}
+    job = make_job(scene, scene_file, camera, resolved, out or default, **given)
     _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
 
 
@@ -185,7 +186,8 @@ def describe(
 
     nothing = dict.fromkeys(("scale", "shading", "aa", "spp", "seed", "streams", "channels"))
     plan = make_plan(plan_options(**nothing, display=display, settings=settings), file="options")
-    job = make_job(scene, find_scene(scene), camera, environment, plan, Path(), clip, allow_outside=allow_outside)
+    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside}
+    job = make_job(scene, find_scene(scene), camera, plan, Path(), **given)
     found, channels = facts(job.scene, job.environment, job.path_name), rows(job, measured=measure)
     if json_:
         print(json.dumps(found | {"channels": {row.name: asdict(row) for row in channels}}, indent=1))

@@ -202,7 +202,7 @@ def path_of_camera(camera: SceneCamera, end_s: float, fps: float = 24, still_fra
     Raises InputError for a camera that changes between a perspective and an orthographic view.
     """
     last = min(math.floor(end_s * fps + 1e-6), MOST_FRAMES - 1) if end_s > 0 else still_frames - 1
-    frames = range(last + 1) if camera.moves else (0, last)
+    frames = range(last + 1) if camera.moves else sorted({0, last})
     views = [camera.at(frame / fps) for frame in frames]
     first = views[0]
     if len({view.height is None for view in views}) > 1:
@@ -218,7 +218,7 @@ def path_of_camera(camera: SceneCamera, end_s: float, fps: float = 24, still_fra
         for frame, view in zip(frames, views, strict=True)
     ]
     kind = "perspective" if first.height is None else "orthographic"
-    planes = {"near": first.near or None, "far": first.far or None}
+    planes = {"near": first.near if first.near and first.near > 0 else None, "far": first.far or None}
     return make_camera_path({"version": 1, "fps": fps, "projection": kind, **planes, "poses": poses}, file=camera.name)
 
 

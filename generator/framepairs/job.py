@@ -1,5 +1,6 @@
 """One sequence to render into a corpus: what it needs, the key of its frames, and its entry in corpus.json."""
 
+import re
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -52,7 +53,9 @@ class Job:
 
     @cached_property
     def sequence(self) -> str:
-        return f"{Path(self.scene_name).stem}_{Path(self.path_name).stem}"
+        is_of_scene = self.path_name in {camera.name for camera in self.scene.cameras}
+        path = re.sub(r"[^\w.-]+", "_", self.path_name).strip("_") if is_of_scene else Path(self.path_name).stem
+        return f"{Path(self.scene_name).stem}_{path}"
 
     @cached_property
     def needs(self) -> dict[str, Need]:
@@ -201,7 +204,9 @@ def _sequence_record(job: Job) -> SequenceRecord:
 
 
 def _not_demodulated(job: Job) -> list[int]:
-    kept = [job.scene.materials[item.material].bsdf is not None for item in job.scene.objects]
+    """Blended ones are layers before a surface, which has its own F_beta and the id."""
+    worn = [job.scene.materials[item.material] for item in job.scene.objects]
+    kept = [material.bsdf is not None and material.alpha != "blend" for material in worn]
     return [index for index, is_kept in enumerate(kept, start=1) if is_kept and job.plan.shading == "path"]
 
 

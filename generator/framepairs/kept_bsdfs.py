@@ -30,13 +30,15 @@ class KeptBsdfs:
 @dataclass
 class KeptPoint:
     """What such a BSDF asks of the surface at which a path turns. number: 0 where the material is ours. Vectors in render
-    space; `outward` and `normal` do not turn towards the viewer. Not frozen: it is the state of a loop."""
+    space; `outward` and `normal` do not turn towards the viewer; along_u, along_v: by what the place changes with Mitsuba's u
+    and v. Not frozen: it is the state of a loop."""
 
     number: mi.UInt32
     position: mi.Point3f
     outward: mi.Vector3f
     normal: mi.Vector3f
     along_u: mi.Vector3f
+    along_v: mi.Vector3f
     uv: mi.Point2f
 
 
@@ -62,14 +64,18 @@ def kept_point(kept: KeptBsdfs, geometry: Geometry, pose: Pose, hit: Hit) -> Kep
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
     triangle = triangle_of(geometry.tables, pose, hit)
     side = dr.select(dr.dot(triangle.normal, triangle.outward) < 0, -1, mi.Float(1))
-    tangent = triangle.edge1 * triangle.uv_edge2.y - triangle.edge2 * triangle.uv_edge1.y
-    determinant = triangle.uv_edge1.x * triangle.uv_edge2.y - triangle.uv_edge1.y * triangle.uv_edge2.x
+    edge1, edge2, uv1, uv2 = triangle.edge1, triangle.edge2, triangle.uv_edge1, triangle.uv_edge2
+    determinant = uv1.x * uv2.y - uv1.y * uv2.x
+    has_uv = determinant != 0
+    scale = dr.select(has_uv, 1 / dr.select(has_uv, determinant, 1), 0)
+    s, t = mi.coordinate_system(triangle.normal * side)  # as Mitsuba's meshes have it without uv
     return KeptPoint(
         number=dr.select(hit.valid, dr.gather(mi.UInt32, kept.number, material, hit.valid), 0),
         position=mi.Point3f(triangle.position),
         outward=dr.normalize(triangle.outward),
         normal=triangle.normal * side,
-        along_u=dr.select(determinant != 0, tangent * dr.sign(determinant), triangle.edge1),
+        along_u=dr.select(has_uv, (edge1 * uv2.y - edge2 * uv1.y) * scale, s),
+        along_v=dr.select(has_uv, (edge1 * uv2.x - edge2 * uv1.x) * scale, t),  # Mitsuba's v runs against ours
         uv=mi.Point2f(triangle.uv.x, 1 - triangle.uv.y),
     )
 
@@ -108,7 +114,7 @@ def _interaction(point: KeptPoint, view: mi.Vector3f) -> mi.SurfaceInteraction3f
     usable = dr.squared_norm(flat) > 0
     s = dr.select(usable, dr.normalize(dr.select(usable, flat, 1)), mi.coordinate_system(point.normal)[0])
     there.sh_frame = mi.Frame3f(s, dr.cross(point.normal, s), point.normal)
-    there.dp_dv = dr.cross(point.normal, point.along_u)
+    there.dp_dv = point.along_v
     there.wi = there.to_local(view)
     return there
 

@@ -64,9 +64,10 @@ def make_job(
     scene: str,
     file: Path,
     camera: str | None,
-    environment: Path | None,
     plan: RenderPlan,
     out: Path,
+    *,
+    environment: Path | None = None,
     clip: str | None = None,
     stored=None,
     allow_outside: bool = False,
@@ -102,14 +103,14 @@ def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path, allow_o
     clip = entry.animation_clip
     environment = Path(entry.environment) if entry.environment not in (None, "default") else None
     overlay = Path(entry.overlay) if entry.overlay is not None else None
-    rest = None, environment, plan, out, clip, entry, allow_outside, overlay
+    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay}
     if moved_to is not None:
         try:
-            return make_job(entry.scene, find_scene(moved_to), *rest), True
+            return make_job(entry.scene, find_scene(moved_to), None, plan, out, stored=entry, **given), True
         except InputError as error:
             if "sha256 differs" not in error.problem:
                 raise
-    return make_job(entry.scene, find_scene(entry.scene), *rest), False
+    return make_job(entry.scene, find_scene(entry.scene), None, plan, out, stored=entry, **given), False
 
 
 def frame_range(text: str | None, count: int) -> range:

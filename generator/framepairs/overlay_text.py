@@ -53,7 +53,14 @@ def draw_text(text: str, font_file: Path | None, style: Style, font_texels: int,
     font_texels: wanted size of the font, halved while the picture has more than `wanted_texels` and letters can still be read.
     Raises ValueError for a text that cannot be set, or not within MOST_TEXELS, and InputError for a font file that is none.
     """
-    lines = unicodedata.normalize("NFC", text).split("\n")
+    try:
+        return _drawn(unicodedata.normalize("NFC", text).split("\n"), font_file, style, font_texels, wanted_texels)
+    except OSError as error:  # damaged glyphs
+        raise InputError(f"cannot be read as a font: {error}", file=font_file) from None
+
+
+def _drawn(lines: list[str], font_file: Path | None, style: Style, font_texels: int, wanted_texels: int) -> Picture:
+    """See `draw_text`."""
     _check_characters(lines, font_file)
     while True:
         font = _font(font_file, font_texels)
@@ -62,7 +69,8 @@ def draw_text(text: str, font_file: Path | None, style: Style, font_texels: int,
         if texels <= (MOST_TEXELS if is_least else wanted_texels):
             break
         if is_least:
-            raise ValueError(f"text of {len(text)} characters in {len(lines)} lines is too long to be drawn")
+            characters = sum(map(len, lines)) + len(lines) - 1
+            raise ValueError(f"text of {characters} characters in {len(lines)} lines is too long to be drawn")
         font_texels //= 2
     return Picture(texels=_composited(lines, font, style, layout).astype(np.float16), line=float(layout.line), box=layout.box)
 

@@ -55,9 +55,10 @@ def render_sequence(job: Job, frames: Sequence[int], *, add_streams: bool = Fals
     written.
     """
     states = frame_states(job.shoot, frames)
-    engine: Engine | None = None
-    open_corpus(job, add_streams=add_streams)
     folder = job.out / job.sequence
+    # What cannot be drawn is refused before anything is written.
+    engine = Engine(job.scene, job.plan, job.overlay) if not folder.is_dir() else None
+    open_corpus(job, add_streams=add_streams)
     with ThreadPoolExecutor(WRITERS) as writers:
         waiting: list[tuple[FrameState, FrameRecord | None, list]] = []
         for state in states:

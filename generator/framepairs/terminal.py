@@ -38,7 +38,8 @@ def print_description(scene, found: dict, channels: list) -> None:
     for line in found["not read"]:
         out_console.print(f"not read: {line}", markup=False)
     out_console.print("F_beta may exceed 1 at grazing angles: Lambert plus specular does not conserve energy")
-    glowing = sum(any(scene.materials[item.material].emission) for item in scene.objects)
+    materials = [scene.materials[item.material] for item in scene.objects]
+    glowing = sum(any(material.emission) and not material.shines for material in materials)
     if glowing:
         out_console.print(f"{glowing} objects glow; in raster they light others with --set mesh_lights=true")
     if found["single-sided objects"]:

@@ -134,8 +134,9 @@ def read_uri(document: Document, uri: str, where: str) -> bytes:
     if is_elsewhere(uri):
         try:
             return path_of(document, uri, where).read_bytes()
-        except OSError as error:
-            raise InputError(f"{uri[:200]}: {error.strerror}", file=document.file, field=where) from None
+        except (OSError, MemoryError) as error:
+            problem = getattr(error, "strerror", None) or "it does not fit into memory"
+            raise InputError(f"{uri[:200]}: {problem}", file=document.file, field=where) from None
     head, comma, body = uri.partition(",")
     try:
         if not comma or not head.endswith(";base64"):

@@ -37,6 +37,7 @@ STRENGTH_KEYS = {
     "KHR_materials_dispersion": "dispersion",
     "KHR_materials_diffuse_transmission": "diffuseTransmissionFactor",
 }
+GRAZING = 1e-3  # difference of reflectances at grazing angles that is told
 INSTEAD = {SPECULAR_GLOSSINESS: "pbrSpecularGlossiness: its metallic-roughness values are drawn"}
 # May stand among extensionsRequired: they are read, or named and do not change what else the file means.
 ALLOWED_IF_REQUIRED = (*READ_EXTENSIONS, *STRENGTH_KEYS, *INSTEAD, "KHR_materials_variants", "KHR_xmp_json_ld")
@@ -144,7 +145,7 @@ def specular_of(material: dict[str, Any]) -> tuple[float, tuple[str, ...]]:
     """(specular with F0 = 0.08 specular, what is left out of KHR_materials_ior and KHR_materials_specular).
 
     F0 = min(((ior - 1) / (ior + 1))^2 specularColorFactor, 1) specularFactor; the colour is left out. glTF multiplies the
-    reflectance at grazing angles by specularFactor, too; ours stays 1 there.
+    reflectance at grazing angles by specularFactor, too; ours is min(50 F0, 1) there.
     """
     extensions = material.get("extensions", {})
     ior = extensions.get("KHR_materials_ior", {}).get("ior", 1.5)
@@ -156,7 +157,9 @@ def specular_of(material: dict[str, Any]) -> tuple[float, tuple[str, ...]]:
     specular, limited = specular_of_f0(f0, f"ior {ior:g}")
     said = [f"specularColorFactor {_text(color)}"] if color != [1.0] * 3 else []
     said += [f"{key} of KHR_materials_specular" for key in ("specularTexture", "specularColorTexture") if key in values]
-    said += [f"specularFactor {factor:g} at grazing angles: reflectance is 1 there"] if factor != 1 else []
+    grazing = min(50 * f0, 1.0)
+    differs = factor != 1 and abs(grazing - factor) > GRAZING
+    said += [f"specularFactor {factor:g} at grazing angles: reflectance is {grazing:g} there"] if differs else []
     return specular, (*said, *limited)
 
 

@@ -17,7 +17,7 @@ from .mitsuba_dictionary import DEEPEST
 
 LARGEST_FILE = 2**26  # bytes
 MOST_ELEMENTS = 500_000
-MOST_SUBSTITUTED = 2**24  # characters, of all values with parameters together
+MOST_SUBSTITUTED = 2**24  # characters and steps, of all values with parameters together
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class Values:
 
     def __init__(self) -> None:
         self.parameters: dict[str, str] = {}
-        self._substituted = 0
+        self._longest_first: list[str] = []
+        self._substituted = 0  # what replacing takes: characters, and parameters that were looked for
 
     def text(self, element: Element, key: str) -> str:
         if key not in element.attributes:
@@ -81,11 +82,16 @@ class Values:
 
     def substituted(self, element: Element, text: str) -> str:
         if "$" in text:
-            for key in sorted(self.parameters, key=len, reverse=True):
-                self._substituted += text.count("$" + key) * len(self.parameters[key])
+            if len(self._longest_first) < len(self.parameters):
+                self._longest_first = sorted(self.parameters, key=len, reverse=True)
+                self._substituted += len(self.parameters)
+            for key in self._longest_first:
+                self._substituted += 1 + text.count("$" + key) * len(self.parameters[key])
                 if self._substituted > MOST_SUBSTITUTED:
                     raise element.error(f"parameters stand for more than {MOST_SUBSTITUTED} characters")
                 text = text.replace("$" + key, self.parameters[key])
+                if "$" not in text:
+                    break
             if "$" in text:
                 raise element.error(f"undefined parameter in {text[:80]!r}")
         return text

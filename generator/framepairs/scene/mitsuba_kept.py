@@ -7,9 +7,11 @@ Mitsuba's textures run down where ours run up: a kept BSDF wants uv as Mitsuba h
 import math
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from .containment import Reach
@@ -71,12 +73,16 @@ INDICES = {
 }  # fmt: skip
 
 
-def kept_bsdf(values: Mapping[str, Any], reach: Reach) -> tuple[dict[str, Any], tuple[str, ...]]:
+def kept_bsdf(
+    values: Mapping[str, Any], reach: Reach, texels: dict[Path, NDArray] | None = None
+) -> tuple[dict[str, Any], tuple[str, ...]]:
     """(the dictionary for `mi.load_dict`, what of it was left out): plain numbers, strings, lists, nested dictionaries.
 
-    Files are absolute paths, transforms nested 4x4 lists. Raises InputError for plugins that are not in `PARAMETERS`, for
-    other files than those within reach, and for values of the wrong kind.
+    Files are absolute paths, transforms nested 4x4 lists. texels: images that were read, by file; it grows. Raises
+    InputError for plugins that are not in `PARAMETERS`, for other files than those within reach, and for values of the wrong
+    kind.
     """
+    texels = {} if texels is None else texels
     kind = type_of(values, "a BSDF")
     if kind not in PARAMETERS:
         raise InputError(f"{kind[:80]} in a BSDF")
@@ -92,10 +98,10 @@ def kept_bsdf(values: Mapping[str, Any], reach: Reach) -> tuple[dict[str, Any], 
             if value.get("type") in ("mesh_attribute", "volume", "rawconstant", "regular", "irregular", "d65", "blackbody"):
                 said.append(f"{kind}.{key} through {value['type']}")
                 continue
-            kept[key], more = kept_bsdf(value, reach)
+            kept[key], more = kept_bsdf(value, reach, texels)
             said += more
         else:
-            kept[key] = _parameter(key, value, kind, reach)
+            kept[key] = _parameter(key, value, kind, reach, texels)
     if kind in NESTS and not any(type_of(v) not in TEXTURES for v in kept.values() if isinstance(v, dict)):
         raise InputError(f"{kind} without a BSDF in it")
     if kind == "spectrum" and isinstance(kept.get("value"), list):
@@ -103,11 +109,13 @@ def kept_bsdf(values: Mapping[str, Any], reach: Reach) -> tuple[dict[str, Any], 
     return kept, tuple(said)
 
 
-def _parameter(key: str, value: Any, kind: str, reach: Reach) -> Any:
+def _parameter(key: str, value: Any, kind: str, reach: Reach, texels: dict[Path, NDArray]) -> Any:
     if key == "filename":
         file = existing(reach, value, "image" if kind == "bitmap" else "file")
-        if kind == "bitmap":
-            read_image(file)  # Mitsuba's readers are not made for damaged files: what ours refuse does not get there
+        if kind == "bitmap" and file not in texels:
+            texels[file] = read_image(
+                file
+            )  # Mitsuba's readers are not made for damaged files: what ours refuse does not get there
         return str(file)
     if key == "to_uv":
         matrix = np.array(value, dtype=object)

@@ -39,7 +39,6 @@ PRINCIPLED = ("base_color", "roughness", "metallic", "specular", "eta")
 WITHOUT_COUNTERPART = ("anisotropic", "spec_tint", "sheen", "flatness", "clearcoat")
 DEPENDENT = {"sheen_tint": "sheen", "clearcoat_gloss": "clearcoat"}
 SAMPLING = ("main_specular_sampling_rate", "clearcoat_sampling_rate", "diffuse_reflectance_sampling_rate")
-SMOOTHEST_ALPHA = 1e-3
 # F0 by Fresnel's equations of the RGB indices that Mitsuba 3.9.1 makes of its data/ior (llvm_ad_rgb).
 METALS = {
     "none": (1.0, 1.0, 1.0), "Ag": (0.9748, 0.9575, 0.9063), "Al": (0.9280, 0.9178, 0.9189), "Au": (0.9667, 0.8020, 0.3241),
@@ -94,7 +93,8 @@ class _Reader:
 
     def __init__(self, name: str, reach: Reach, texels: dict[Path, NDArray] | None) -> None:
         self.name, self.reach = name, reach
-        self.parts = TextureReader(reach, texels)
+        self.texels = {} if texels is None else texels
+        self.parts = TextureReader(reach, self.texels)
         self.said = self.parts.said
 
     def read(self, values: Mapping[str, Any]) -> ReadMaterial:
@@ -159,16 +159,20 @@ class _Reader:
         return values, around, opacity, normal
 
     def _kept(self, inner: Mapping[str, Any], around: dict[str, Mapping]) -> dict[str, Any]:
-        """The BSDF as it is, inside its normal map, bump map and `twosided`; masks are ours."""
+        """The BSDF as it is, inside its normal map, bump map and `twosided`, and in a `mask` of one opacity; images of
+        opacity are ours."""
         kind = inner["type"]
         for adapter, values in reversed(around.items()):
-            if adapter != "mask":
+            if adapter != "mask" or self._is_constant(values.get("opacity", 0.5)):
                 own = {k: v for k, v in values.items() if not isinstance(v, Mapping) or kind_of(v) != "bsdf"}
                 inner = {**own, "inner": inner}
-        bsdf, left_out = kept_bsdf(inner, self.reach)
+        bsdf, left_out = kept_bsdf(inner, self.reach, self.texels)
         self.said.append(f"BSDF {kind}: kept for path, raster draws a stand-in, not demodulated")
         self.said += left_out
         return bsdf
+
+    def _is_constant(self, opacity: Any) -> bool:
+        return not isinstance(opacity, Mapping) or constant_color(opacity, "opacity") is not None
 
     def _diffuse(self, values: Mapping[str, Any]) -> dict:
         self._tell_unknown(values, ("reflectance",))

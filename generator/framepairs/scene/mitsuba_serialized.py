@@ -18,8 +18,8 @@ from .description import Mesh, validate_mesh
 
 MAGIC = 0x041C
 HAS_NORMALS, HAS_UV, HAS_COLORS, FACE_NORMALS, SINGLE, DOUBLE = 0x1, 0x2, 0x8, 0x10, 0x1000, 0x2000
-MOST_RATIO = 1032  # of zlib: deflate packs no more than this into a byte
-MOST_BYTES = 2**31
+# What a stream may unpack to: deflate packs 1032 equal bytes into one, meshes pack to a third or so.
+SPARE_BYTES, BYTES_PER_BYTE = 2**26, 16
 LONGEST_NAME = 4096
 
 
@@ -45,7 +45,7 @@ class _Stream:
     def __init__(self, packed: bytes) -> None:
         self._unpacker = zlib.decompressobj()
         self._packed = packed
-        self._most = min(len(packed) * MOST_RATIO, MOST_BYTES)
+        self._most = SPARE_BYTES + BYTES_PER_BYTE * len(packed)
 
     def take(self, count: int) -> bytes:
         if count > self._most:

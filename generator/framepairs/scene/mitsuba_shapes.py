@@ -35,6 +35,8 @@ PARAMETERS = {
 }  # fmt: skip
 LARGEST = 1e18  # its square is still a single-precision number
 FROM_FILES = ("obj", "ply", "serialized")
+# What may be built of mesh files: a damaged one must not ask for memory that its own size does not tell.
+SPARE_BYTES, BYTES_PER_BYTE = 2**29, 16
 SUFFIXES = {"obj": ".obj", "ply": ".ply"}
 
 
@@ -91,6 +93,7 @@ class ShapeReader:
         self.said: list[str] = []
         self._known: dict[tuple, int] = {}
         self._read: dict[tuple, tuple[Mesh, bool]] = {}
+        self._room = SPARE_BYTES
 
     def index(self, shape: Placed, has_normal_map: bool = False) -> int:
         """Of the shape's mesh, which has tangents for a normal map. Raises InputError naming the shape."""
@@ -115,6 +118,11 @@ class ShapeReader:
         key = (*parameters, flag(values, "flip_normals"), mirrored, stretch, has_normal_map)
         if key not in self._known:
             mesh, has_own_normals = self._mesh(parameters, stretch)
+            self._room -= sum(
+                array.nbytes for array in (mesh.positions, mesh.faces, mesh.normals, mesh.uv) if array is not None
+            )
+            if self._room < 0:
+                raise InputError(f"its meshes need more than {SPARE_BYTES} bytes, and {BYTES_PER_BYTE} for each of their files")
             turns = mirrored and (kind == "sphere" or not has_own_normals)
             if turns != flag(values, "flip_normals"):
                 mesh = _turned(mesh)
@@ -144,6 +152,7 @@ class ShapeReader:
                 raise InputError(f"{file.name} does not end in {SUFFIXES[kind]}")
             if file not in self.files:
                 self.files.append(file)
+                self._room += BYTES_PER_BYTE * file.stat().st_size
             index = values.get("shape_index", 0)
             if isinstance(index, bool) or not isinstance(index, int):
                 raise InputError(f"shape_index is {str(index)[:80]!r}, an integer is expected")

@@ -20,7 +20,7 @@ from .mitsuba_textures import existing
 
 DEEPEST_INCLUDE = 15  # as Mitsuba has it
 MOST_FILES = 1000
-LARGEST_SPECTRUM = 2**20  # bytes
+LARGEST_SPECTRA = 2**22  # bytes, of all files of spectra as often as they are named
 OBJECTS = "scene shape sampler film rfilter emitter bsdf phase integrator volume medium texture sensor spectrum".split()
 Place = tuple[Path, int]
 
@@ -47,7 +47,7 @@ class _Parser:
         self.file, self.reach = file, reach
         self.values = Values()
         self.files: list[Path] = []
-        self.elements = 0
+        self.elements = self.spectrum_bytes = 0
         self.folders: list[Path] = []
         self.places: dict[int, Place] = {}
         self.references: list[dict[str, Any]] = []
@@ -60,9 +60,17 @@ class _Parser:
             raise root.error(f"<{root.tag[:80]}> is no scene")
         scene = self.object(root, 0)
         for reference in self.references:
-            for _ in self.aliases:  # of an alias, too
-                reference["id"] = self.aliases.get(reference["id"], reference["id"])
+            reference["id"] = self.target(reference["id"])
         return Document(scene, tuple(dict.fromkeys(self.files)), self.places)
+
+    def target(self, name: str) -> str:
+        """What an alias, also one of an alias, stands for."""
+        passed: set[str] = set()
+        while name in self.aliases and name not in passed:
+            passed.add(name)
+            name = self.aliases[name]
+        self.aliases |= dict.fromkeys(passed - {name}, name)  # the next one finds it at once
+        return name
 
     def tree(self, file: Path) -> Element:
         self.files.append(file)
@@ -163,8 +171,9 @@ class _Parser:
         """Pairs, one to a line, as text with colons."""
         file = self.file_of(element)
         self.files.append(file)
-        if file.stat().st_size > LARGEST_SPECTRUM:
-            raise element.error(f"{file.name} is larger than {LARGEST_SPECTRUM} bytes")
+        self.spectrum_bytes += file.stat().st_size
+        if self.spectrum_bytes > LARGEST_SPECTRA:
+            raise element.error(f"{file.name} is, with the spectra before it, larger than {LARGEST_SPECTRA} bytes")
         lines = [line.split("#")[0].split() for line in file.read_text(errors="replace").splitlines()]
         return " ".join(":".join(line) for line in lines if line)
 

@@ -111,13 +111,13 @@ def _colored_need(scene: SceneDescription) -> Need | None:
 
 
 def _value_need(channel: str, scene: SceneDescription, used: list[Material], value, slot: str, components) -> Need:
-    """Needed where materials differ, or where a texture varies one of `components` of a slot by a non-zero factor."""
+    """Needed where materials differ, or where a texture changes one of `components` of a slot: not where it is 1 all over."""
     values = sorted({tuple(float(np.clip(v, 0, 1)) for v in value(material)) for material in used})
     if len(values) > 1:
         return Need(channel=channel, needed=True, why=f"{len(values)} different values")
     for material in used:
         texture = getattr(material, slot) and scene.textures[getattr(material, slot).texture]
-        if texture and any(values[0]) and any(texture.scale[k] != 0 for k in components):
+        if texture and any(values[0]) and any((texture.scale[k], texture.bias[k]) != (0, 1) for k in components):
             return Need(channel=channel, needed=True, why=f"textured in {material.name}")
     constant = values[0] if values else (0.0,) * len(components)
     return Need(channel=channel, needed=False, why="one value on all surfaces", constant=constant)
@@ -142,12 +142,18 @@ def _layer_need(channel: str, needed: bool, what: str) -> Need:
     return Need(channel=channel, needed=needed, why=why, constant=None if needed else (0.0,))
 
 
+def _looks_from_elsewhere(a: CameraSample, b: CameraSample) -> bool:
+    """Whether what hides what may change between two cameras. Orthographic ones have parallel rays: turning is enough."""
+    columns = slice(3, 4) if a.height is None else slice(0, 4)
+    return not np.array_equal(a.world_from_camera[:3, columns], b.world_from_camera[:3, columns])
+
+
 def _motion_needs(scene: SceneDescription, samples: Sequence[CameraSample]) -> dict[str, Need]:
     pairs = [(a, b) for a, b in zip(samples, samples[1:], strict=False) if a.shot == b.shot]
     lenses = [((a.fov_y, a.height, a.shift), (b.fov_y, b.height, b.shift)) for a, b in pairs]
     turns = any(not np.array_equal(a.world_from_camera, b.world_from_camera) for a, b in pairs)
     turns = turns or any(a != b for a, b in lenses)
-    travels = any(not np.array_equal(a.world_from_camera[:3, 3], b.world_from_camera[:3, 3]) for a, b in pairs)
+    travels = any(_looks_from_elsewhere(a, b) for a, b in pairs)
     why = "objects move" if scene.moves else "the camera travels" if travels else "the camera turns or zooms"
     if not scene.moves and not turns:
         why = "nothing moves"

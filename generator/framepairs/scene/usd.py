@@ -12,16 +12,26 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 from ..errors import InputError
 from .containment import Reach
 from .description import Environment, Light, Mesh, SceneDescription, SceneObject
+from .usd_arrays import CornerBudget, begin_of
 from .usd_cameras import read_cameras
 from .usd_deform import Deformation, deformed_vertices, find_skins, object_matrix, pose, read_deformation
-from .usd_dependencies import open_layers
+from .usd_dependencies import check_prims, open_layers, outermost_file
 from .usd_light_meshes import cylinder_light, shining_materials
 from .usd_lights import ChangingLight, read_light
 from .usd_materials import MaterialReader
 from .usd_meshes import MeshPart, mesh_of, mesh_parts, shape_key, still_mesh, with_vertices
-from .usd_placement import Placement, PrototypePart, Visibility, place, place_instances, read_instances, read_visibility
+from .usd_placement import (
+    Placement,
+    PrototypePart,
+    Visibility,
+    check_count,
+    place,
+    place_instances,
+    read_instances,
+    read_visibility,
+)
 from .usd_surfaces import Surface, read_surface
-from .usd_times import Moving, deformed_at, lights_at, naming, of_seconds, visible_at, world_from_objects
+from .usd_times import Moving, deformed_at, lights_at, naming, of_seconds, seconds_of, visible_at, world_from_objects
 
 SHOWN = Usd.TraverseInstanceProxies()
 ALSO_ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
@@ -34,6 +44,7 @@ class Reading:
 
     reader: MaterialReader
     subdivision: int
+    corners: CornerBudget
     surfaces: dict[tuple[str, ...], Surface | None] = field(default_factory=dict)
     meshes: list[Mesh] = field(default_factory=list)
     index_of: dict[tuple, int] = field(default_factory=dict)
@@ -53,11 +64,13 @@ def load_usd(file: Path, reach: Reach, subdivision: int) -> SceneDescription:
     """Read a stage. Raises InputError naming the file and the prim."""
     with naming(file):
         layers = open_layers(file, reach)
+        corners = CornerBudget(outermost_file(layer) for layer in layers)
+        check_prims(layers[0])
         stage = Usd.Stage.Open(layers[0])
         problems = stage.GetCompositionErrors()
         if problems:
             raise InputError(f"does not compose: {' '.join(str(problems[0]).split())[:300]}", file=file)
-        return _read_stage(stage, file, Reading(MaterialReader(reach), subdivision))
+        return _read_stage(stage, file, Reading(MaterialReader(reach), subdivision, corners))
 
 
 def _read_stage(stage: Usd.Stage, file: Path, reading: Reading) -> SceneDescription:
@@ -91,13 +104,13 @@ def _read_stage(stage: Usd.Stage, file: Path, reading: Reading) -> SceneDescript
         environment=reading.environments[0] if reading.environments else None,
         up_axis=str(UsdGeom.GetStageUpAxis(stage)),
         metres_per_unit=float(UsdGeom.GetStageMetersPerUnit(stage)),
-        world_from_object=of_time(world_from_objects(reading.placements)),
+        world_from_object=of_time(world_from_objects(reading.placements, Usd.TimeCode(begin_of(stage)))),
         deformed=of_time(partial(deformed_at, reading.moving)) if reading.moving else None,
         visible=of_time(partial(visible_at, reading.placements)) if any(p.visible for p in reading.placements) else None,
         lights_at=of_time(partial(lights_at, reading.lights, reading.changing_lights)) if reading.changing_lights else None,
         materials_at=of_time(reading.reader.materials_at) if reading.reader.changing else None,
         cameras=cameras,
-        animation_end_s=stage.GetEndTimeCode() / stage.GetTimeCodesPerSecond() if stage.HasAuthoredTimeCodeRange() else 0.0,
+        animation_end_s=seconds_of(stage),
         not_read=tuple(not_read),
     )
 
@@ -214,6 +227,7 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
                 )
                 inside = part.name[len(str(root.GetPath().GetParentPath()).rstrip("/")) :]
                 moves, both = deformation is not None and deformation.moves, _double_sided(prim)
+                check_count(len(reading.objects) + len(members), path)
                 objects += [
                     SceneObject(
                         name=f"{path}[{member}]{inside}", mesh=index, material=part.material, moves=moves, double_sided=both
@@ -230,7 +244,7 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
 def _mesh_and_parts(prim: Usd.Prim, top: Usd.Prim | None, reading: Reading) -> tuple[Deformation | None, list[MeshPart]]:
     key = shape_key(prim)
     if key not in reading.surfaces:
-        reading.surfaces[key] = read_surface(UsdGeom.Mesh(prim), reading.subdivision, reading.not_read)
+        reading.surfaces[key] = read_surface(UsdGeom.Mesh(prim), reading.subdivision, reading.not_read, reading.corners)
     surface = reading.surfaces[key]
     parts = [part for part in mesh_parts(prim, surface, reading.reader) if len(part.faces)] if surface else []
     return (read_deformation(prim, surface, reading.skins, top, reading.not_read) if parts else None), parts
@@ -254,7 +268,7 @@ def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: i
                 reading.meshes.append(still_mesh(part))
             yield part, [reading.index_of[part.key]] * count
         return
-    begin = Usd.TimeCode(0)
+    begin = Usd.TimeCode(begin_of(deformation.prim.GetStage()))
     now = pose(deformation, begin)
     sources = []
     for part in parts:

@@ -1,12 +1,38 @@
 """Arrays of USD attributes as NumPy arrays, whatever a damaged file holds in their place."""
 
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd
 
 from ..errors import InputError
 
+SPARE_CORNERS, CORNERS_PER_BYTE = 2**24, 8
 EARLIEST = Usd.TimeCode.EarliestTime()
+
+
+def begin_of(stage: Usd.Stage) -> float:
+    """The time code at which a scene's time is 0 seconds: where the stage's animation begins, else 0."""
+    return stage.GetStartTimeCode() if stage.HasAuthoredTimeCodeRange() else 0.0
+
+
+class CornerBudget:
+    """How many corners of faces may be built of a stage in `files`: arrays of equal numbers take next to nothing in a .usdc,
+    and subdivision multiplies, so that a small file could ask for any memory."""
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        self._most = SPARE_CORNERS + CORNERS_PER_BYTE * sum(file.stat().st_size for file in set(files))
+        self._spent = 0
+
+    def spend(self, corners: int, path: str) -> None:
+        """Counts corners before they are built. Raises InputError naming the prim where they are too many."""
+        self._spent += corners
+        if self._spent > self._most:
+            problem = f"{self._spent} corners of faces with those before it, up to {self._most} are read of files of this size"
+            raise InputError(f"{problem}; less subdivision makes fewer", field=path)
 
 
 def integers(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> NDArray[np.int64]:
@@ -37,6 +63,23 @@ def vectors(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> NDArray[
     if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iuf":
         raise _wrong_type(attribute)
     return found.astype(np.float64)
+
+
+def typed(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> Any:
+    """The value of an attribute at a time, None where there is none. Raises InputError naming the prim for one of another type
+    than the attribute has: files may hold any."""
+    item, like = attribute.Get(code), attribute.GetTypeName().defaultValue
+    if item is not None and not isinstance(item, type(like)):
+        raise _wrong_type(attribute)
+    return item
+
+
+def number(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> float:
+    """As `typed`. Raises InputError also where there is no value."""
+    item = typed(attribute, code)
+    if item is None:
+        raise InputError(f"{attribute.GetName()} has no value", field=str(attribute.GetPrim().GetPath()))
+    return float(item)
 
 
 def _value(attribute: Usd.Attribute, code: Usd.TimeCode) -> NDArray:

@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom
 
 from ..errors import InputError
 from .description import CameraView, SceneCamera
+from .usd_arrays import number, typed
 from .usd_placement import is_animated
 
 APERTURE_UNIT = 0.1  # scene units
@@ -56,7 +57,7 @@ def camera_view(camera: UsdGeom.Camera, code: Usd.TimeCode) -> CameraView:
     """What a camera sees at a time. Raises InputError naming it where it sees nothing."""
     path = str(camera.GetPath())
     width, height, right, up, focal = (
-        float(attribute.Get(code))
+        number(attribute, code)
         for attribute in (
             camera.GetHorizontalApertureAttr(),
             camera.GetVerticalApertureAttr(),
@@ -65,13 +66,13 @@ def camera_view(camera: UsdGeom.Camera, code: Usd.TimeCode) -> CameraView:
             camera.GetFocalLengthAttr(),
         )
     )
-    perspective = camera.GetProjectionAttr().Get(code) != UsdGeom.Tokens.orthographic
+    perspective = typed(camera.GetProjectionAttr(), code) != UsdGeom.Tokens.orthographic
     if not all(map(math.isfinite, (width, height, right, up, focal))) or min(width, height) <= 0:
         raise InputError(f"aperture {width:g} x {height:g}, offset ({right:g}, {up:g}), focal length {focal:g}", field=path)
     if perspective and focal <= 0:
         raise InputError(f"focal length {focal:g}", field=path)
     clipping = camera.GetClippingRangeAttr()
-    near, far = (float(x) for x in clipping.Get(code)) if clipping.HasAuthoredValue() else (None, None)
+    near, far = (float(x) for x in typed(clipping, code)) if clipping.HasAuthoredValue() else (None, None)
     if near is not None and not (near < far and (near > 0 or not perspective)):
         raise InputError(f"clippingRange ({near:g}, {far:g})", field=path)
     return CameraView(
@@ -102,16 +103,16 @@ def _differences(camera: UsdGeom.Camera) -> list[str]:
     """What a camera does and is not drawn, at the earliest time."""
     prim = camera.GetPrim()
     said = []
-    stop, focus = (float(attribute.Get(EARLIEST)) for attribute in (camera.GetFStopAttr(), camera.GetFocusDistanceAttr()))
+    stop, focus = (number(attribute) for attribute in (camera.GetFStopAttr(), camera.GetFocusDistanceAttr()))
     if stop > 0 and focus > 0:
         said.append(f"depth of field (fStop {stop:g}, focusDistance {focus:g})")
-    shutter = [float(attribute.Get(EARLIEST)) for attribute in (camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr())]
+    shutter = [number(attribute) for attribute in (camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr())]
     if shutter[0] != shutter[1]:
         said.append(f"shutter ({shutter[0]:g} to {shutter[1]:g})")
     scale = float(camera.ComputeLinearExposureScale(EARLIEST))
     if not math.isclose(scale, 1, rel_tol=1e-6):
         said.append(f"exposure ({scale:.4g} times)")
-    if len(camera.GetClippingPlanesAttr().Get(EARLIEST) or ()):
+    if len(typed(camera.GetClippingPlanesAttr()) or ()):
         said.append("clippingPlanes")
     if np.linalg.det(np.array(UsdGeom.XformCache(EARLIEST).GetLocalToWorldTransform(prim))[:3, :3]) < 0:
         said.append("mirroring")

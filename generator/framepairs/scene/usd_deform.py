@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom, UsdSkel, Vt
 
 from ..errors import InputError
 from .description import Deformed
-from .usd_arrays import vectors
+from .usd_arrays import begin_of, vectors
 from .usd_meshes import VertexSource
 from .usd_surfaces import Surface
 
@@ -125,11 +125,10 @@ def read_deformation(
     deformation = Deformation(surface=surface, prim=prim, anchor=anchor, sampled=sampled, skin=skin, shapes=shapes)
     if skin is None or skin.rigid:
         return deformation
-    points = pose(deformation, Usd.TimeCode(0)).points
+    points = pose(deformation, Usd.TimeCode(begin_of(usd_mesh.GetPrim().GetStage()))).points
     low, high = points.min(axis=0), points.max(axis=0)
     centre, radius = (low + high) / 2, np.linalg.norm(high - low) / 2
-    far = np.linalg.norm(centre) > FAR * radius
-    return replace(deformation, skin=replace(skin, origin=centre)) if far else deformation
+    return replace(deformation, skin=replace(skin, origin=centre)) if np.linalg.norm(centre) > FAR * radius else deformation
 
 
 def _read_skin(
@@ -218,7 +217,7 @@ def pose(deformation: Deformation, code: Usd.TimeCode) -> Pose:
         blended = _blended(skin, joints[:, :3].reshape(-1, 12), len(points)).reshape(-1, 3, 4)
         points = np.einsum("pij,pj->pi", blended[:, :, :3], points) + blended[:, :, 3]
         matrices = _blended(skin, _normal_matrices(joints).reshape(-1, 9), len(points)).reshape(-1, 3, 3)
-    if not np.isfinite(points).all():
+    if not (np.abs(points) < np.finfo(np.float32).max).all():
         raise InputError(f"points are not finite at time code {code.GetValue():g}", field=str(deformation.prim.GetPath()))
     points = deformation.surface.drawn(points)
     return Pose(points=points, smooth=deformation.surface.normals(points), normal_offsets=offsets, normal_matrices=matrices)
@@ -258,6 +257,8 @@ def _skeleton_from_mesh(skin: Skin, code: Usd.TimeCode) -> NDArray[np.float64]:
         transforms = mapper.RemapTransforms(transforms, Vt.Matrix4dArray())
     bind = np.array(skin.query.GetGeomBindTransform(code))
     matrices = (bind @ np.array(transforms).reshape(-1, 4, 4)).transpose(0, 2, 1)
+    if any(joints.max() >= len(matrices) for _, joints, _ in skin.ranks):  # USD gives none where a pose does not fit
+        raise InputError("its pose has fewer joints than are used", field=str(skin.skeleton.GetPrim().GetPath()))
     matrices[:, :3, 3] -= skin.origin
     return matrices
 

@@ -1,17 +1,35 @@
 """Which files the layers of a USD stage name: they are followed, and checked, before the stage opens any of them."""
 
+import re
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from pxr import Ar, Sdf, Tf
+import numpy as np
+from pxr import Ar, Pcp, Sdf, Tf
 
 from ..errors import InputError
 from .containment import Reach, within
 
 PACKAGE = ".usdz"
+CRATE = b"PXR-USDC"
 DEEPEST_PACKAGE = 8
 MOST_LAYERS = 100_000
+MOST_PRIMS = 2**18  # a stage of so many takes 10 s to open and read
+DEEPEST_PRIM = 256  # what is asked of all prims above a prim takes the square of it
+DEEPEST_TEXT = 1024  # brackets in brackets: usd-core 26.11's parser calls itself for each, and ends the process at some 10 000
+MOST_CLIP_TIMES = 2**20
+BRACKETS = b"[({])}"
+NO_BRACKETS = bytes(set(range(256)) - set(BRACKETS))
+STEPS = bytes.maketrans(BRACKETS, b"\x01\x01\x01\xff\xff\xff")  # +1 and -1 as signed bytes
+# Strings, asset paths and comments of a .usda; one without end goes to the end of the file.
+QUOTED = re.compile(
+    rb'"""(?:[^"\\]|\\[\s\S]|"(?!""))*+(?:""")?|"(?:[^"\\]|\\[\s\S])*+"?'
+    rb"|'''(?:[^'\\]|\\[\s\S]|'(?!''))*+(?:''')?|'(?:[^'\\]|\\[\s\S])*+'?"
+    rb"|@@@(?:[^@\\]|\\(?:@@@)?+|@(?!@@))*+(?:@@@)?|@[^@]*+@?"
+    rb"|#[^\n]*+|//[^\n]*+|/\*(?:[^*]|\*(?!/))*+"
+)
 LOCAL_HEADER = 30  # bytes before the name of an entry in a zip file (PKWARE's APPNOTE, 4.3.7)
 
 
@@ -46,12 +64,18 @@ def open_layers(file: Path, reach: Reach) -> list[Sdf.Layer]:
     return layers
 
 
+def outermost_file(layer: Sdf.Layer) -> Path:
+    """The file that a layer, or the package around it, lies in."""
+    return Path(_outermost(layer.realPath or layer.identifier)[0])
+
+
 def _outermost(path: str) -> tuple[str, str]:
     """The file of a path and what lies inside it: ("a.usdz", "b.usda") of "a.usdz[b.usda]"."""
     return Ar.SplitPackageRelativePathOuter(path) if Ar.IsPackageRelativePath(path) else (path, "")
 
 
 def _open(path: str) -> Sdf.Layer | None:
+    _check_nesting(path)
     try:
         layer = Sdf.Layer.FindOrOpen(path)
         if layer is not None:
@@ -64,8 +88,9 @@ def _open(path: str) -> Sdf.Layer | None:
 def _checked_paths(layer: Sdf.Layer, reach: Reach) -> Iterator[str]:
     """The layers that a layer names and that are there, as the resolver finds them."""
     own = _outermost(layer.realPath or layer.identifier)[0]
+    clips = set(_clips(_specs(layer, own), own, reach))
     packed = own.lower().endswith(PACKAGE)
-    for asset in sorted({*layer.GetCompositionAssetDependencies(), *_clips(layer)}):
+    for asset in sorted({*layer.GetCompositionAssetDependencies(), *clips}):
         if asset.startswith("`"):
             if reach.outside:
                 continue
@@ -85,28 +110,82 @@ def _checked_paths(layer: Sdf.Layer, reach: Reach) -> Iterator[str]:
         yield found
 
 
-def _clips(layer: Sdf.Layer) -> Iterator[str]:
+def _check_nesting(path: str) -> None:
+    """Raises InputError for a layer of text whose brackets are too deep in each other."""
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    data = bytes(opened.GetBuffer()) if opened and opened.GetSize() else b""
+    if data.startswith(CRATE):
+        return
+    brackets = QUOTED.sub(b"", data).translate(STEPS, NO_BRACKETS)
+    steps = np.frombuffer(brackets, np.int8)
+    if np.cumsum(steps, dtype=np.int32).max(initial=0) > DEEPEST_TEXT:
+        raise InputError(f"not a USD stage: brackets in more than {DEEPEST_TEXT} others", file=_outermost(path)[0])
+
+
+def check_prims(layer: Sdf.Layer) -> None:
+    """Walks over the prims that a stage of `layer` will have, before it makes them. Raises InputError where they are too many
+    or too deep: references to references can double their number with each line of a file."""
+    cache = Pcp.Cache(Pcp.LayerStackIdentifier(layer), "usd", True)
+    waiting, count = [Sdf.Path.absoluteRootPath], 0
+    while waiting:
+        path = waiting.pop()
+        index, _ = cache.ComputePrimIndex(path)
+        if index.hasAnyPayloads:
+            cache.RequestPayloads([path], [])
+            index, _ = cache.ComputePrimIndex(path)
+        count += 1
+        names = index.ComputePrimChildNames()[0]
+        if count + len(waiting) + len(names) > MOST_PRIMS:
+            raise InputError(f"more than {MOST_PRIMS} prims", file=layer.realPath)
+        if names and path.pathElementCount >= DEEPEST_PRIM:
+            raise InputError(f"prims in more than {DEEPEST_PRIM} others", file=layer.realPath, field=names[0])
+        waiting += [path.AppendChild(name) for name in names]
+
+
+def _specs(layer: Sdf.Layer, own: str) -> list[Sdf.Spec]:
+    """The prims and variants of a layer. Raises InputError where it lists what it does not hold: USD ends the process then."""
+    paths: list[Sdf.Path] = []
+    layer.Traverse("/", paths.append)
+    found = []
+    for path in paths:
+        is_prim = path.IsPrimPath() or path.IsPrimVariantSelectionPath()
+        if path.isEmpty or (is_prim or path.IsPropertyPath()) and not layer.GetObjectAtPath(path):
+            raise InputError(f"not a USD stage: {str(path)[:200] or 'a prim without a name'} is damaged", file=own)
+        found += [layer.GetPrimAtPath(path)] if is_prim else []
+    return [spec for spec in found if spec]  # sets of variants are none
+
+
+def _clips(specs: list[Sdf.Spec], own: str, reach: Reach) -> Iterator[str]:
     """The layers of value clips, those of a template with each number that is there."""
-    folder = Path(_outermost(layer.realPath or layer.identifier)[0]).parent
-
-    found: list[dict] = []
-    layer.Traverse("/", lambda path: found.append(_clip_sets(layer, path)))
-    for item in (item for sets in found for item in sets.values()):
-        paths = item.get("assetPaths") or ()
-        yield from (path.path for path in paths)
-        manifest, template = item.get("manifestAssetPath"), item.get("templateAssetPath")
-        yield from [manifest.path] if manifest else []
-        if template:
-            pattern = template.replace("#", "[0-9]")
-            matches = sorted(folder.glob(pattern)) if not Path(template).is_absolute() else []
-            yield from (str(path) for path in matches) if matches else (template,)
+    sets = [dict(spec.GetInfo("clips")) for spec in specs if spec.HasInfo("clips")]
+    for item in (item for values in sets for item in values.values() if isinstance(item, dict)):
+        paths, manifest, template = (item.get(key) for key in ("assetPaths", "manifestAssetPath", "templateAssetPath"))
+        assets = [*(paths if isinstance(paths, Sdf.AssetPathArray) else ()), manifest]
+        yield from (asset.path for asset in assets if isinstance(asset, Sdf.AssetPath))
+        if isinstance(template, str) and template:
+            _check_clip_times(item, own)
+            yield from _files_of_template(template, own, reach)
 
 
-def _clip_sets(layer: Sdf.Layer, path: Sdf.Path) -> dict:
-    if path.IsPropertyPath():
-        return {}
-    spec = layer.GetObjectAtPath(path)
-    return dict(spec.GetInfo("clips")) if isinstance(spec, Sdf.PrimSpec) and spec.HasInfo("clips") else {}
+def _check_clip_times(values: dict[str, Any], own: str) -> None:
+    """USD asks for the file of every time of a template. Raises InputError where they are without end."""
+    first, last, stride = (values.get(f"template{name}", 0.0) for name in ("StartTime", "EndTime", "Stride"))
+    if all(isinstance(value, int | float) for value in (first, last, stride)) and stride > 0:
+        if not (last - first) / stride < MOST_CLIP_TIMES:
+            raise InputError(f"value clips at more than {MOST_CLIP_TIMES} times", file=own)
+
+
+def _files_of_template(template: str, own: str, reach: Reach) -> Iterator[str]:
+    """The files in whose place a template of value clips may stand: its `#` are numbers of any length. A relative one is
+    looked up beside its layer, and by USD's resolver in the working folder, too. Raises InputError where it leaves `reach`."""
+    named = Path(template)
+    within(reach, Path(own).parent / named.parent / "_", file=Path(own))
+    pattern = re.compile(re.sub(r"#+", r"-?\\d+", re.escape(named.name).replace(r"\#", "#")))
+    for folder in (Path(own).parent, *([] if template.startswith(".") else [Path.cwd()])):
+        beside = folder / named.parent
+        names = sorted(item.name for item in beside.iterdir()) if beside.is_dir() else ()
+        yield from (str(named.with_name(name)) for name in names if pattern.fullmatch(name))
+    yield template
 
 
 def _check_package(file: Path, archive=None, depth: int = 0) -> None:

@@ -91,7 +91,7 @@ class Asked:
     def input(self, key: str, default: float | None = None) -> Driven:
         """What an input of the node is; its own value is a constant."""
         driven = driven_by(self.node, key, self.textures, color=self.color, depth=self.depth + 1)
-        return driven or self._constant(value(self.node, key, default))
+        return driven or self._constant(value(self.node, key, default, sizes=(0, 1, 2, 3, 4)))
 
     def _constant(self, item) -> Driven:
         try:
@@ -154,7 +154,7 @@ def _primvar(asked: Asked) -> Driven:
     """Readers of colours and of opacity alone: what else a primvar may mean, meshes do not hold."""
     is_materialx = node_of(asked.node) == "geompropvalue"
     name = value(asked.node, "geomprop" if is_materialx else "varname")
-    fallback = asked._constant(value(asked.node, "default" if is_materialx else "fallback", 0.0))
+    fallback = asked._constant(value(asked.node, "default" if is_materialx else "fallback", 0.0, sizes=(2, 3, 4)))
     if not name or isinstance(fallback, Unread):
         return asked.unread()
     return Primvar(str(name), fallback.value)

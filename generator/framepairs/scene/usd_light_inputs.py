@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdLux
 
+from .usd_arrays import typed
+
 EARLIEST = Usd.TimeCode.EarliestTime()
 # Attributes of the radiance: their change over time is drawn.
 OF_RADIANCE = frozenset(
@@ -88,8 +90,9 @@ def _differences(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
 
 
 def value_of(prim: Usd.Prim, name: str, code: Usd.TimeCode = EARLIEST):
+    """The value of an attribute, None where there is none. Raises InputError naming the prim for one of another type."""
     attribute = prim.GetAttribute(name)
-    return attribute.Get(code) if attribute else None
+    return typed(attribute, code) if attribute else None
 
 
 def has_path(asset) -> bool:

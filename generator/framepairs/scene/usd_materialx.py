@@ -112,7 +112,9 @@ class Network:
             return _resized(item.value, size)
         if drawn and isinstance(item, Sampled | Primvar):
             return (1.0,) * size
-        return _resized(tuple(np.atleast_1d(value(self.shader, key, default)).astype(float).tolist()), size)
+        return _resized(
+            tuple(np.atleast_1d(value(self.shader, key, default, sizes=(0, 1, 2, 3, 4))).astype(float).tolist()), size
+        )
 
     def number(self, named: tuple[str, float], drawn: bool = False) -> float:
         return self.numbers(named, drawn)[0]

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
+from ..errors import InputError
+
 EARLIEST = Usd.TimeCode.EarliestTime()
 PRIMVAR_OF_UV = "st"  # where no node names one, and of MaterialX's texcoord 0
 INPUT_OF_UV = {"UsdTransform2d": "in", "place2d": "texcoord", "rotate2d": "in"}
@@ -36,10 +38,22 @@ def source(shader: UsdShade.Shader, key: str) -> tuple[UsdShade.Shader, str] | N
     return None
 
 
-def value(shader: UsdShade.Shader, key: str, default=None, code: Usd.TimeCode = EARLIEST):
-    """The value of an input at a time, through interfaces of node graphs, or `default` where none is authored."""
+def value(shader: UsdShade.Shader, key: str, default=None, code: Usd.TimeCode = EARLIEST, sizes: tuple[int, ...] = ()):
+    """The value of an input at a time, through interfaces of node graphs, or `default` where none is authored.
+
+    Raises InputError naming the shader where it is no text, no number or no vector of such a size as the default is. sizes:
+    of vectors that may stand for it, too (0: a number).
+    """
     found = value_attribute(shader, key, code)
-    return found.Get(code) if found else default
+    item = found.Get(code) if found else default
+    if default is None:
+        return item
+    given = np.asarray(item)
+    wanted = "U" if isinstance(default, str) else "biuf"
+    shapes = (np.shape(default), *((size,) if size else () for size in sizes))
+    if given.dtype.kind not in wanted or given.shape not in shapes:
+        raise InputError(f"{key} holds a value of another type", field=str(shader.GetPath()))
+    return item
 
 
 def value_attribute(shader: UsdShade.Shader, key: str, code: Usd.TimeCode = EARLIEST) -> Usd.Attribute | None:
@@ -109,7 +123,7 @@ def _matrix_of(shader: UsdShade.Shader, code: Usd.TimeCode) -> NDArray[np.float6
     node = node_of(shader)
 
     def pair(key: str, default: float) -> NDArray[np.float64]:
-        return np.array(value(shader, key, default, code), dtype=float) * np.ones(2)
+        return np.array(value(shader, key, default, code, sizes=(2,)), dtype=float) * np.ones(2)
 
     if node == "UsdTransform2d":
         angle = float(value(shader, "rotation", 0.0, code))

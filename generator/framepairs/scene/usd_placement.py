@@ -14,7 +14,7 @@ LocalMatrix = Callable[[Usd.TimeCode], NDArray[np.float64]]
 INSTANCE_TRANSFORM_ATTRIBUTES = (
     "positions", "orientations", "orientationsf", "scales", "protoIndices", "ids"
 )  # fmt: skip
-MOST_INSTANCES = 10_000_000
+MOST_INSTANCES = 2_000_000  # and objects before them; each takes some 700 bytes
 INSTANCE_MOTION_ATTRIBUTES = ("velocities", "accelerations", "angularVelocities")
 
 
@@ -165,11 +165,16 @@ def read_instances(instancer: UsdGeom.PointInstancer) -> Instances:
     )
 
 
+def check_count(instances: int, path: str) -> None:
+    """Raises InputError naming the instancer for more than MOST_INSTANCES."""
+    if instances > MOST_INSTANCES:
+        raise InputError(f"{instances} instances, more than {MOST_INSTANCES}", field=path)
+
+
 def _roster(instancer: UsdGeom.PointInstancer, code: Usd.TimeCode) -> tuple[NDArray, NDArray, NDArray]:
     """ids, prototype indices and whether they are shown, [n] each."""
     prototypes, ids = integers(instancer.GetProtoIndicesAttr(), code), integers(instancer.GetIdsAttr(), code)
-    if len(prototypes) > MOST_INSTANCES:
-        raise InputError(f"{len(prototypes)} instances, more than {MOST_INSTANCES}", field=str(instancer.GetPath()))
+    check_count(len(prototypes), str(instancer.GetPath()))
     ids = ids if len(ids) else np.arange(len(prototypes))
     mask = instancer.ComputeMaskAtTime(code)
     return ids, prototypes, np.array(mask, dtype=bool) if len(mask) else np.ones(len(prototypes), dtype=bool)

@@ -9,7 +9,7 @@ from pxr import UsdGeom
 from scipy.sparse import csr_array
 
 from ..errors import InputError
-from .usd_arrays import EARLIEST, integers, numbers, vectors
+from .usd_arrays import EARLIEST, CornerBudget, integers, numbers, vectors
 from .usd_subdivision import Refinement, refine, refined_corners, smooth_groups
 from .usd_subdivision_steps import INFINITE, Net, crease_sharpness, net_of
 
@@ -95,11 +95,13 @@ def _cross(a: NDArray, b: NDArray) -> NDArray:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def read_surface(usd_mesh: UsdGeom.Mesh, levels: int, not_read: list[str]) -> Surface | None:
+def read_surface(
+    usd_mesh: UsdGeom.Mesh, levels: int, not_read: list[str], budget: CornerBudget | None = None
+) -> Surface | None:
     """The surface of a mesh, refined `levels` times where it is a subdivision surface; None where it has no faces.
 
     A mesh that has normals and does not name its scheme is taken for polygons: exporters leave the scheme out. Raises
-    InputError naming the prim where its topology does not fit or changes.
+    InputError naming the prim where its topology does not fit or changes, or where it is beyond the budget.
     """
     path = str(usd_mesh.GetPath())
     counts, indices, size = _topology(usd_mesh)
@@ -108,6 +110,8 @@ def read_surface(usd_mesh: UsdGeom.Mesh, levels: int, not_read: list[str]) -> Su
         not_read.append(f"mesh {path}: it has no faces")
         return None
     scheme, levels = _scheme(usd_mesh, counts[long_enough], levels, not_read)
+    if budget is not None:
+        budget.spend(int(counts[long_enough].sum()) * 4**levels, path)
     corner = np.flatnonzero(np.repeat(long_enough, counts))
     net = _sharpened(usd_mesh, counts[long_enough], indices[corner], size, scheme, not_read)
     refinement = None

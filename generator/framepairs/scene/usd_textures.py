@@ -62,7 +62,7 @@ class TextureReader:
     def image(self, attribute: Usd.Attribute | None, field: str) -> tuple[ImageFile, str, tuple[str, ...]]:
         """(the image that an attribute names, its name, what of it is not read). Raises InputError naming `field`."""
         asset = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
-        if asset is None or not asset.path:
+        if not isinstance(asset, Sdf.AssetPath) or not asset.path:
             raise InputError("texture without a file", field=field)
         layer = attribute.GetPropertyStack(Usd.TimeCode.EarliestTime())[0].layer
         resolved, said = asset.resolvedPath, ()

@@ -12,6 +12,7 @@ from pxr import Tf, Usd, UsdGeom, UsdUtils
 
 from ..errors import InputError
 from .description import Deformed, Light
+from .usd_arrays import begin_of
 from .usd_deform import Deformation, deformed_vertices, pose
 from .usd_lights import ChangingLight
 from .usd_meshes import VertexSource
@@ -32,9 +33,12 @@ def naming(file: Path) -> Iterator[None]:
     not reach the terminal."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()  # takes them up as long as it lives
     try:
-        yield
+        with np.errstate(all="ignore"):  # what becomes infinite is refused
+            yield
     except Tf.ErrorException as error:
         raise InputError(f"USD: {' '.join(str(error).split())[:300]}", file=file) from None
+    except UnicodeDecodeError:
+        raise InputError("USD: it holds text that is not UTF-8", file=file) from None
     except InputError as error:
         if error.file is None:
             raise InputError(error.problem, file=file, frame=error.frame, field=error.field) from None
@@ -44,20 +48,28 @@ def naming(file: Path) -> Iterator[None]:
 
 
 def of_seconds(stage: Usd.Stage, file: Path, function: Callable[[Usd.TimeCode], Any]) -> Callable[[float], Any]:
-    """`function` of a time code as one of the time in seconds, whose InputErrors name the file."""
-    rate = stage.GetTimeCodesPerSecond()
+    """`function` of a time code as one of the seconds since the stage's animation begins, whose InputErrors name the file."""
+    begin, rate = begin_of(stage), stage.GetTimeCodesPerSecond()
 
     def of_time(time_s: float):
         assert stage  # the closure keeps the stage alive: prims of a stage that is gone answer with identities
         with naming(file):
-            return function(Usd.TimeCode(time_s * rate))
+            return function(Usd.TimeCode(begin + time_s * rate))
 
     return of_time
 
 
-def world_from_objects(placements: Sequence[Placement]) -> Callable[[Usd.TimeCode], NDArray[np.float64]]:
+def seconds_of(stage: Usd.Stage) -> float:
+    """How long the stage's animation is; 0 where it says nothing of it."""
+    length = stage.GetEndTimeCode() - begin_of(stage) if stage.HasAuthoredTimeCodeRange() else 0.0
+    return max(length, 0.0) / stage.GetTimeCodesPerSecond()
+
+
+def world_from_objects(
+    placements: Sequence[Placement], begin_code: Usd.TimeCode
+) -> Callable[[Usd.TimeCode], NDArray[np.float64]]:
     """Of a time code to [objects, 4, 4]; what stands still is computed once."""
-    start = UsdGeom.XformCache(Usd.TimeCode(0))
+    start = UsdGeom.XformCache(begin_code)
     begin = np.concatenate([np.zeros((0, 4, 4)), *(item.matrices(start) for item in placements)])
     moving = [(row, item) for row, item in _rows(placements) if item.moves]
 
