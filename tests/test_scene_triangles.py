@@ -328,3 +328,27 @@ def test_what_of_off_is_not_read_is_named(tmp_path):
 def test_files_without_animations_have_no_clip_to_choose(tmp_path):
     with pytest.raises(InputError, match="no clip 'walk'"):
         load_scene(obj(tmp_path), "walk")
+
+
+@pytest.mark.parametrize(
+    ("vertices", "says"),
+    [
+        (("0 0 0", "1 0 0", "0 1 0"), ()),
+        (("0 0 0 1 0 0", "1 0 0 0 1 0", "0 1 0 0 0 1"), ()),
+        (("0 0 0 1 0 0", "1 0 0", "0 1 0"), ("colours of 1 of 3 vertices: the others have none",)),
+        (("0 0 0 1 0 0 0.5", "1 0 0 0 1 0 0.5", "0 1 0 0 0 1 0.5"), ("opacities behind the colours of vertices",)),
+    ],
+)
+def test_colours_that_obj_gives_in_part_are_named(tmp_path, vertices, says):
+    (tmp_path / "a.obj").write_text("".join(f"v {vertex}\n" for vertex in vertices) + "f 1 2 3\n")
+    assert load_scene(tmp_path / "a.obj").not_read == says
+
+
+def test_texture_coordinates_of_ply_by_an_unknown_name_are_named(tmp_path):
+    names = ("x", "y", "z", "texture_s", "texture_t")
+    properties = "".join(f"property float {name}\n" for name in names)
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    header = f"ply\nformat ascii 1.0\nelement vertex 3\n{properties}{faces}"
+    (tmp_path / "a.ply").write_text(header + "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n")
+    scene = load_scene(tmp_path / "a.ply")
+    assert scene.meshes[0].uv is None and scene.not_read == ("texture coordinates of a.ply",)

@@ -134,6 +134,10 @@ def _told(text: str, kinds: Counter[bytes], meshes: tuple) -> list[str]:
     given = b"".join(kinds)
     if "\nvn " not in text and keys - set(NOT_DRAWN):
         said.append("smoothing groups: without normals it is drawn flat")
+    if re.search(r"\nv(?: \S+){6}", text):
+        colored, vertices = len(re.findall(r"\nv(?: \S+){6}", text)), text.count("\nv ")
+        said += [f"colours of {colored} of {vertices} vertices: the others have none"] if colored < vertices else []
+        said += ["opacities behind the colours of vertices"] if re.search(r"\nv(?: \S+){7}", text) else []
     for what, marks, attribute in (("texture coordinates", b"/", "uv"), ("normals", b":", "normals")):
         without = [mesh.name for mesh in meshes if getattr(mesh, attribute) is None]
         if without and (marks in given or b"//" in given):

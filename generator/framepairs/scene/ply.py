@@ -92,6 +92,7 @@ def _told(name: str, found: dict, mesh, elements: dict, images: list[str]) -> li
         elif mesh.colors is None:
             said.append(f"face colours of {name}: its faces are of several sizes")
     said += [f"colours diffuse_red, _green and _blue of {name}"] if "diffuse_red" in vertex + face else []
-    said += [f"texture coordinates of {name}"] if CORNERS in face and mesh.uv is None else []
+    has_uv = CORNERS in face or "texture_s" in vertex  # which trimesh does not know
+    said += [f"texture coordinates of {name}"] if has_uv and mesh.uv is None else []
     said += [f"{len(images) - 1} images of {name} beyond {images[0]}"] if len(images) > 1 else []
     return said
