@@ -12,13 +12,14 @@ import sys
 import time
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from framepairs.errors import InputError
-from framepairs.scene import load_scene
+from framepairs.scene import load_scene, usd_trial
 from gltf_files import GltfFile
 
 MOST_SECONDS = 30  # of wall time: other work may slow the machine
@@ -360,11 +361,18 @@ def test_an_image_is_read_once_for_all_bsdfs_that_are_kept(tmp_path, monkeypatch
     assert len(calls) <= 1
 
 
-def test_a_file_too_large_for_memory(tmp_path):
+def test_a_file_too_large_for_memory(tmp_path, monkeypatch):
     file = GltfFile(materials=[{"normalTexture": {"index": 0}}], textures=[{"source": 0}], images=[{"uri": "i.png"}])
     file.node(mesh=file.mesh(faces=[[0, 1, 2]], primitive_keys={"material": 0}))
-    with open(tmp_path / "i.png", "wb") as image:
-        image.truncate(2**42)  # sparse: it takes no room on the disk
+    (tmp_path / "i.png").write_bytes(b"")
+    whole = Path.read_bytes
+
+    def read_bytes(path: Path) -> bytes:
+        if path.name == "i.png":
+            raise MemoryError  # as for a file of terabytes
+        return whole(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
     refused(file.save(tmp_path) or tmp_path / "scene.gltf", "memory")
 
 
@@ -373,3 +381,19 @@ def test_json_too_deep(tmp_path):
     refused(tmp_path / "scene.gltf", "not glTF")
     (tmp_path / "scene.animation.json").write_text(json.dumps([]).replace("[]", "[" * 100000))
     refused(xml(tmp_path, ""), "not JSON")
+
+
+def test_binary_layers_are_tried_in_another_process_first(tmp_path, monkeypatch):
+    """usd-core ends the process on some damaged crates; which ones differs from run to run."""
+    whole = usda(tmp_path / "scene.usda", MESH)
+    Sdf.Layer.FindOrOpen(str(whole)).Export(str(tmp_path / "crate.usdc"))
+    assert len(load_scene(tmp_path / "crate.usdc").objects) == 1
+    monkeypatch.setattr(usd_trial, "CODE", "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
+    assert len(load_scene(tmp_path / "crate.usdc").objects) == 1  # tried before
+    assert len(load_scene(whole).objects) == 1  # text needs no trial
+    os.utime(tmp_path / "crate.usdc", (1, 1))
+    refused(tmp_path / "crate.usdc", "it is damaged, and USD's reader breaks down on it")
+    monkeypatch.setattr(usd_trial, "CODE", "import time\ntime.sleep(9)")
+    monkeypatch.setattr(usd_trial, "LONGEST_S", 0.2)
+    os.utime(tmp_path / "crate.usdc", (2, 2))
+    refused(tmp_path / "crate.usdc", "opening it takes longer than 0.2 s")

@@ -34,6 +34,9 @@ def main() -> None:
     except FramepairsError as error:
         error_console.print(f"framepairs: {error}", style="bold red", markup=False, soft_wrap=True)
         sys.exit(error.exit_code)
+    except MemoryError:
+        error_console.print("framepairs: this needs more memory than the machine has", style="bold red")
+        sys.exit(1)
     except typer.Exit as leave:
         sys.exit(leave.exit_code)
     except (KeyboardInterrupt, typer.Abort):

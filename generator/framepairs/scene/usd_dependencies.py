@@ -11,6 +11,7 @@ from pxr import Ar, Pcp, Sdf, Tf
 
 from ..errors import InputError
 from .containment import Reach, within
+from .usd_trial import try_stage
 
 PACKAGE = ".usdz"
 CRATE = b"PXR-USDC"
@@ -33,12 +34,13 @@ QUOTED = re.compile(
 LOCAL_HEADER = 30  # bytes before the name of an entry in a zip file (PKWARE's APPNOTE, 4.3.7)
 
 
-def open_layers(file: Path, reach: Reach) -> list[Sdf.Layer]:
+def open_layers(file: Path, reach: Reach, tried: bool = False) -> list[Sdf.Layer]:
     """All layers that a stage may compose, its own first: sublayers, references, payloads and value clips, also those inside
     variants. What is missing is left to the stage, since it may never ask for it.
 
     Raises InputError naming the layer for a file that the scene may not read, for packages that are no plain, stored zip
-    files, and for layers that cannot be read. Nothing outside `reach` is opened.
+    files, and for layers that cannot be read. Nothing outside `reach` is opened. tried: binary layers are opened without a
+    trial in another process.
     """
     layers: list[Sdf.Layer] = []
     waiting, seen = [str(file)], {str(file)}
@@ -49,6 +51,9 @@ def open_layers(file: Path, reach: Reach) -> list[Sdf.Layer]:
         if package.lower().endswith(PACKAGE) and package not in packages:
             packages.add(package)
             _check_package(Path(package))
+        if _is_crate(path) and not tried:
+            try_stage(file, reach)
+            tried = True
         layer = _open(path)
         if layer is None:
             continue
@@ -82,7 +87,10 @@ def _open(path: str) -> Sdf.Layer | None:
             layer.Reload()  # where another stage holds it as the file was before
         return layer
     except Tf.ErrorException as error:
-        raise InputError(f"not a USD stage: {' '.join(str(error).split())}"[:500], file=_outermost(path)[0]) from None
+        first = " ".join(str(error.args[0]).split())  # a damaged file may have millions
+        raise InputError(f"not a USD stage: {first}"[:500], file=_outermost(path)[0]) from None
+    except MemoryError:
+        raise InputError("not a USD stage: reading it takes more memory than there is", file=_outermost(path)[0]) from None
 
 
 def _checked_paths(layer: Sdf.Layer, reach: Reach) -> Iterator[str]:
@@ -110,12 +118,17 @@ def _checked_paths(layer: Sdf.Layer, reach: Reach) -> Iterator[str]:
         yield found
 
 
+def _is_crate(path: str) -> bool:
+    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    return bool(opened and opened.GetSize()) and bytes(opened.Read(len(CRATE), 0)) == CRATE
+
+
 def _check_nesting(path: str) -> None:
     """Raises InputError for a layer of text whose brackets are too deep in each other."""
+    if _is_crate(path):
+        return
     opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     data = bytes(opened.GetBuffer()) if opened and opened.GetSize() else b""
-    if data.startswith(CRATE):
-        return
     brackets = QUOTED.sub(b"", data).translate(STEPS, NO_BRACKETS)
     steps = np.frombuffer(brackets, np.int8)
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > DEEPEST_TEXT:
