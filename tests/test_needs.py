@@ -217,4 +217,4 @@ def test_without_textures_a_mip_bias_changes_nothing():
 )
 def test_the_table_is_needed_by_specular_surfaces(values, needed):
     without_metal = replace(IMAGE, scale=(1, 1, 0, 0), bias=(0, 0, 0, 1))
-    assert table_need(scene(material(**values), textures=(SURFACE, without_metal))).needed == needed
+    assert table_need(scene(material(**values), textures=(SURFACE, without_metal)), RenderPlan()).needed == needed

@@ -187,8 +187,7 @@ def describe(
     from .plan import make_plan
     from .scene_report import facts, rows
 
-    nothing = dict.fromkeys(("scale", "shading", "aa", "spp", "seed", "streams", "channels"))
-    plan = make_plan(plan_options(**nothing, display=display, settings=settings), file="options")
+    plan = make_plan(plan_options(display=display, settings=settings), file="options")
     given = {"environment": environment, "clip": clip, "allow_outside": allow_outside}
     job = make_job(scene, find_scene(scene), camera, plan, Path(), **given)
     found, channels = facts(job.scene, job.environment, job.path_name), rows(job, measured=measure)
@@ -369,8 +368,7 @@ def _compare(target: str, camera, modes: tuple[str, str], frames, values: dict, 
     from .plan import make_plan
     from .scene import light_scene, load_scene
 
-    nothing = dict.fromkeys(("scale", "shading", "aa", "seed", "streams", "channels"))
-    plan = make_plan(plan_options(**nothing, **values), file="options")
+    plan = make_plan(plan_options(**values), file="options")
     for mode in modes:
         make_plan({"shading": mode}, file="compare")
     scene, _ = light_scene(load_scene(find_scene(target)), None)

@@ -69,7 +69,7 @@ class Engine:
     def __init__(self, scene: SceneDescription, plan: RenderPlan, overlay: Overlay | None = None):
         self.scene, self.plan = scene, plan
         self._overlay = build_layer(overlay, scene) if overlay is not None and overlay.elements else None
-        model, specular = brdf_model(plan), plan.channels == "all" or table_need(scene).needed
+        model, specular = brdf_model(plan), table_need(scene, plan).needed
         table = brdf_table(model, plan.brdf_table) if specular else None
         self.shading = build_shading(scene, plan, Brdf(model, table))
         self._lit = plan.shading == "raster"

@@ -138,7 +138,7 @@ def open_corpus(job: Job, *, add_streams: bool = False) -> None:
         raise InputError(f"sequence {job.sequence} is there with another {differing}", file=file, field=differing)
     for left_over in (job.out / job.sequence).rglob(".*.part"):
         left_over.unlink(missing_ok=True)  # of a render that was killed
-    table, data = _table(job) if job.plan.channels == "all" or table_need(job.scene).needed else (None, None)
+    table, data = _table(job) if table_need(job.scene, job.plan).needed else (None, None)
     manifest = CorpusManifest(
         plan=job.plan,
         backend=mi.variant(),

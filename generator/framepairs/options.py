@@ -17,7 +17,9 @@ from .scene.description import SceneDescription
 HR_STREAMS = ("hr_native", "hr_mip0")
 
 
-def plan_options(scale, display, shading, aa, spp, seed, streams, channels, settings) -> dict[str, Any]:
+def plan_options(
+    scale=None, display=None, shading=None, aa=None, spp=None, seed=None, streams=None, channels=None, settings=None
+) -> dict[str, Any]:
     """The options that were given, as keys of a plan; `settings` are KEY=VALUE with the value as JSON or a bare word."""
     given: dict[str, Any] = {"shading": shading, "antialiasing": aa, "samples_per_pixel": spp, "seed": seed}
     values = {key: value for key, value in given.items() if value is not None}

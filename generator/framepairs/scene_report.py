@@ -11,14 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backend import dr
+from .brdf_tables import brdf_table, table_channel
 from .channels import MOTION_CHANNELS, motion_name
 from .conventions import Stream
 from .engine import Engine
 from .exr import encode
 from .job import Job
-from .plan import plan_streams
+from .plan import brdf_model, plan_streams
 from .scene.description import SceneDescription
-from .scene.needs import table_need
+from .scene.needs import Need, table_need
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,8 @@ def facts(scene: SceneDescription, light: str | None, path_name: str) -> dict:
 def rows(job: Job, *, measured: bool) -> list[Row]:
     """One row per channel in the table's order, then the streams and the table that are left out. Measuring needs a back end
     and renders the middle frame of the path a few times."""
-    saved = _savings(job) if measured else {}
+    table = table_need(job.scene, job.plan)
+    saved = _savings(job, table) if measured else {}
 
     def row(name: str, needed: bool, value: str | None, why: str) -> Row:
         unknown = (0, 0.0) if needed else (None, None)
@@ -63,21 +65,20 @@ def rows(job: Job, *, measured: bool) -> list[Row]:
 
     found = [row(need.channel, need.needed, _value_of(need), need.why) for need in job.needs.values()]
     found += [row(name, False, f"same as {other}", "there are no textures") for name, other in job.equal_streams.items()]
-    table = table_need(job.scene)
     return found + ([] if table.needed else [row("brdf_table", False, "constant 0 0", table.why)])
 
 
-def _value_of(need) -> str | None:
+def _value_of(need: Need) -> str | None:
     if need.needed:
         return None
     return f"same as {need.same_as}" if need.same_as else "constant " + " ".join(f"{value:.4g}" for value in need.constant)
 
 
-def _savings(job: Job) -> dict[str, tuple[int, float]]:
+def _savings(job: Job, table: Need) -> dict[str, tuple[int, float]]:
     """(bytes, milliseconds) by name."""
     left_out = {name: need for name, need in job.needs.items() if not need.needed}
     saved = {name: [0, 0.0] for name in (*left_out, *job.equal_streams)}
-    if not table_need(job.scene).needed:
+    if not table.needed:
         saved["brdf_table"] = list(_table_saving(job))
     if not left_out and not job.equal_streams:
         return {name: tuple(pair) for name, pair in saved.items()}
@@ -137,9 +138,6 @@ def _constant(channel, stream: Stream, left_out: dict) -> np.ndarray:
 
 
 def _table_saving(job: Job) -> tuple[int, float]:
-    from .brdf_tables import brdf_table, table_channel
-    from .plan import brdf_model
-
     model = brdf_model(job.plan)
     start = time.perf_counter()
     table = brdf_table(model, job.plan.brdf_table).numpy()

@@ -63,8 +63,10 @@ def equal_streams(scene: SceneDescription, plan: RenderPlan) -> dict[str, str]:
     return {name: twin for name, twin in twins.items() if twin is not None}
 
 
-def table_need(scene: SceneDescription) -> Need:
-    """Whether any surface has a specular lobe, which the table of A and B integrates."""
+def table_need(scene: SceneDescription, plan: RenderPlan) -> Need:
+    """Whether any surface has a specular lobe, which the table of A and B integrates, or the plan wants all there is."""
+    if plan.channels == "all":
+        return Need(channel="brdf_table", needed=True, why="the plan asks for everything")
     for material in _used(scene):
         packed = material.surface_texture and scene.textures[material.surface_texture.texture]
         specular, metallic = (value > 0 and _varies(packed, k) for k, value in ((0, material.specular), (2, material.metallic)))

@@ -37,32 +37,27 @@ class CornerBudget:
 
 def integers(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> NDArray[np.int64]:
     """Whole numbers [n]; none where there is no value. Raises InputError naming the attribute for another type."""
-    found = _value(attribute, code)
-    if found.size == 0:
-        return np.zeros(0, np.int64)
-    if found.ndim != 1 or found.dtype.kind not in "iu":
-        raise _wrong_type(attribute)
-    return found.astype(np.int64)
+    return _array(attribute, code, (), "iu", np.int64)
 
 
 def numbers(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> NDArray[np.float64]:
     """Numbers [n]; as `integers`."""
-    found = _value(attribute, code)
-    if found.size == 0:
-        return np.zeros(0)
-    if found.ndim != 1 or found.dtype.kind not in "iuf":
-        raise _wrong_type(attribute)
-    return found.astype(np.float64)
+    return _array(attribute, code, (), "iuf", np.float64)
 
 
 def vectors(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> NDArray[np.float64]:
     """Vectors [n, 3]; as `integers`."""
+    return _array(attribute, code, (3,), "iuf", np.float64)
+
+
+def _array(attribute: Usd.Attribute, code: Usd.TimeCode, element: tuple[int, ...], kinds: str, dtype: type) -> NDArray:
+    """[n, *element] of numbers of these kinds; no elements where there is no value."""
     found = _value(attribute, code)
     if found.size == 0:
-        return np.zeros((0, 3))
-    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iuf":
+        return np.zeros((0, *element), dtype)
+    if found.ndim != 1 + len(element) or found.shape[1:] != element or found.dtype.kind not in kinds:
         raise _wrong_type(attribute)
-    return found.astype(np.float64)
+    return found.astype(dtype)
 
 
 def typed(attribute: Usd.Attribute, code: Usd.TimeCode = EARLIEST) -> Any:

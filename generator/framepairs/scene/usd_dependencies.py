@@ -51,7 +51,9 @@ def open_layers(file: Path, reach: Reach, tried: bool = False) -> list[Sdf.Layer
         if package.lower().endswith(PACKAGE) and package not in packages:
             packages.add(package)
             _check_package(Path(package))
-        if _is_crate(path) and not tried:
+        if not _is_crate(path):
+            _check_nesting(path)
+        elif not tried:
             try_stage(file, reach)
             tried = True
         layer = _open(path)
@@ -80,7 +82,6 @@ def _outermost(path: str) -> tuple[str, str]:
 
 
 def _open(path: str) -> Sdf.Layer | None:
-    _check_nesting(path)
     try:
         layer = Sdf.Layer.FindOrOpen(path)
         if layer is not None:
@@ -125,8 +126,6 @@ def _is_crate(path: str) -> bool:
 
 def _check_nesting(path: str) -> None:
     """Raises InputError for a layer of text whose brackets are too deep in each other."""
-    if _is_crate(path):
-        return
     opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     data = bytes(opened.GetBuffer()) if opened and opened.GetSize() else b""
     brackets = QUOTED.sub(b"", data).translate(STEPS, NO_BRACKETS)
