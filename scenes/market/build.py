@@ -1,21 +1,27 @@
-"""Builds the bundled scene `market`, a small square in the late afternoon: `python build.py` writes all its files.
+"""Builds the bundled scene `market`, a small square in the late afternoon, into a folder (default: this one), from the top
+of the checkout: `python -m scenes.market.build [FOLDER]`.
 
-Everything is made from numbers with fixed seeds: shapes.py has the meshes, textures.py and sky.py the images, stage.py
-materials and light, goods.py the stalls, moving.py what moves; here are the houses and the street. Metres, y up.
+Everything is made from numbers with fixed seeds: textures.py and sky.py have the images, looks.py the materials, goods.py
+the stalls, moving.py what moves; here are the houses and the street. Metres, y up.
 """
 
+import sys
+from pathlib import Path
+
 import numpy as np
-import textures
-from goods import hero, stalls, vase
-from moving import moving
-from shapes import Shape, ball, bow, box, foliage, lathe, merged, quad, sheet, tube, wall
-from sky import write_sky
-from stage import Market
+from scenes.making.shapes import Shape, ball, bow, box, foliage, lathe, merged, quad, sheet, tube, wall
+from scenes.making.usd_stage import Stage
+
+from . import textures
+from .goods import hero, stalls, vase
+from .looks import LOOKS
+from .moving import moving
+from .sky import TO_SUN, write_sky
 
 PANE = 0.17  # how far window panes stand behind the wall
 
 
-def ground(m: Market) -> None:
+def ground(m: Stage) -> None:
     x, z = np.meshgrid(np.linspace(-32, 32, 17), np.linspace(16, -32, 13))
     m.add("Ground/cobbles", sheet(np.stack([x, 0 * x, z], axis=-1), np.stack([x, -z], axis=-1)), "cobbles")
     m.add("Ground/terrace", box(8.1, 0.14, 1.7, 1.15, 0, -6.15), "flags")
@@ -25,7 +31,7 @@ def ground(m: Market) -> None:
 
 
 def building(
-    m: Market, name: str, place, turn: float, width: float, height: float, skin: str, windows, shutters="", lit=()
+    m: Stage, name: str, place, turn: float, width: float, height: float, skin: str, windows, shutters="", lit=()
 ):
     """A facade from its left lower corner `place`, `windows` as (x, y, width, height), with roof and side walls."""
     m.group(name, place, turn)
@@ -82,7 +88,7 @@ def row(first: float, step: float, count: int, y: float, w: float = 1.0, h: floa
     return [(first + step * k, y, w, h) for k in range(count)]
 
 
-def town(m: Market) -> None:
+def town(m: Stage) -> None:
     building(
         m, "Ochre", (-11, 0, -7), 0, 8.1, 6.5, "ochre", row(0.9, 2.5, 3, 1.1) + row(0.9, 2.5, 3, 4.0), "teal_paint"
     )
@@ -117,7 +123,7 @@ def town(m: Market) -> None:
     m.add("Chimneys/stacks", merged(chimneys), "brick")
 
 
-def railing(m: Market, path: str, start, end, height: float = 0.95) -> None:
+def railing(m: Stage, path: str, start, end, height: float = 0.95) -> None:
     """Bars of 8 mm every 9 cm between posts: from 4 m away thinner than a pixel of 480 x 270."""
     start, end = np.array(start, dtype=float), np.array(end, dtype=float)
     count = int(np.linalg.norm(end - start) / 0.09)
@@ -128,7 +134,7 @@ def railing(m: Market, path: str, start, end, height: float = 0.95) -> None:
     m.add(path, merged([*bars, *rails, *posts]), "iron")
 
 
-def potted(m: Market, path: str, place, size: float, seed: int) -> None:
+def potted(m: Stage, path: str, place, size: float, seed: int) -> None:
     m.group(path, place)
     pot = [
         (0, 0),
@@ -147,7 +153,7 @@ def potted(m: Market, path: str, place, size: float, seed: int) -> None:
     m.add(f"{path}/leaves", foliage(95, 0.5, 0.8, 0.34, seed), "leaves", (0, 0.3 * size, 0), 67 * seed % 360, size)
 
 
-def street(m: Market) -> None:
+def street(m: Stage) -> None:
     railing(m, "Rail/terrace_left", (-2.85, 0.14, -5.36), (-0.95, 0.14, -5.36))
     railing(m, "Rail/terrace_right", (0.95, 0.14, -5.36), (5.15, 0.14, -5.36))
     railing(m, "Rail/flowerbed", (-2.3, 0, -1.15), (0.35, 0, -1.15), 0.75)
@@ -222,16 +228,16 @@ def street(m: Market) -> None:
     m.add("Bulbs/glass", merged([ball(0.04, 7, 4).at(*(p - [0, 0.05, 0])) for p in cord]), "bulb")
 
 
-def main() -> None:
-    textures.write_all()
-    write_sky()
-    market = Market()
+def build(folder: Path) -> None:
+    textures.write_all(folder / "textures")
+    write_sky(folder / "textures")
+    market = Stage(folder, "market", LOOKS, seconds=2)
     for part in (ground, town, stalls, hero, street, moving):
         part(market)
-    market.light()
+    market.light(TO_SUN, 4.5, (1.0, 0.82, 0.58), sky=1.05)
     market.save()
     print(f"{market.objects} meshes, {market.triangles} triangles")
 
 
 if __name__ == "__main__":
-    main()
+    build(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)

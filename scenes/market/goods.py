@@ -1,8 +1,8 @@
 """What the market sells: stalls, crates of fruit, ceramics, pans, and the oak table in the foreground."""
 
 import numpy as np
-from shapes import ball, bow, box, canopy, lathe, merged, quad, sheet, tube
-from stage import Market
+from scenes.making.shapes import ball, bow, box, canopy, lathe, merged, quad, sheet, tube
+from scenes.making.usd_stage import Stage
 
 VASES = {  # profiles (radius, y) of about 0.4 m
     "slim": [(0, 0), (0.06, 0), (0.065, 0.02), (0.11, 0.17), (0.09, 0.28), (0.04, 0.35), (0.037, 0.4), (0.06, 0.44)],
@@ -37,7 +37,7 @@ SAMOVAR = [
 ]  # fmt: skip
 
 
-def crate(m: Market, path: str, place, turn: float, fruit: str, radius: float, tilt: float = 14) -> None:
+def crate(m: Stage, path: str, place, turn: float, fruit: str, radius: float, tilt: float = 14) -> None:
     """A slatted box leaning towards +z with one mesh of fruit in it."""
     m.group(path, place, turn)
     w, h, d = 0.56, 0.17, 0.38
@@ -67,7 +67,7 @@ def crate(m: Market, path: str, place, turn: float, fruit: str, radius: float, t
     m.add(f"{path}/{fruit}", merged(heap).turned("x", tilt), fruit)
 
 
-def stall(m: Market, name: str, place, turn: float, canvas: str, cloth: str) -> None:
+def stall(m: Stage, name: str, place, turn: float, canvas: str, cloth: str) -> None:
     """Posts, canopy, table with a cloth in folds, and a back cloth; the customer stands at +z."""
     m.group(name, place, turn)
     posts = [box(0.07, 2.56 if z < 0 else 2.16, 0.07, x, 0, z) for x in (-1.42, 1.42) for z in (-0.86, 0.86)]
@@ -93,7 +93,7 @@ def stall(m: Market, name: str, place, turn: float, canvas: str, cloth: str) -> 
     )
 
 
-def pan(m: Market, path: str, place, metal: str, size: float = 1.0) -> None:
+def pan(m: Stage, path: str, place, metal: str, size: float = 1.0) -> None:
     """A pan that hangs from its handle's eye at `place`, its bottom to +z."""
     bowl = lathe(
         [
@@ -113,11 +113,11 @@ def pan(m: Market, path: str, place, metal: str, size: float = 1.0) -> None:
     m.add(path, merged([bowl, grip]).turned("x", 90).turned("y", 180).at(0, -0.34, 0), metal, place, size=size)
 
 
-def vase(m: Market, path: str, place, kind: str, glaze: str, size: float = 1.0) -> None:
+def vase(m: Stage, path: str, place, kind: str, glaze: str, size: float = 1.0) -> None:
     m.add(path, lathe(VASES[kind], 28, refine=3), glaze, place, size=size)
 
 
-def stalls(m: Market) -> None:
+def stalls(m: Stage) -> None:
     stall(m, "Fruit", (-4.3, 0, -2.3), 0, "red_canvas", "linen")
     kinds = (
         ("orange", 0.043),
@@ -194,7 +194,7 @@ def stalls(m: Market) -> None:
         m.add(f"Barrels/hoops{k}", merged(hoops), "iron", (x, 0, z), size=size)
 
 
-def hero(m: Market) -> None:
+def hero(m: Stage) -> None:
     """The oak table in the foreground: brushed brass and copper, glaze, a balance, fruit."""
     m.group("Hero", (2.15, 0, 1.75), -14)
     legs = [box(0.07, 0.72, 0.07, x, 0, z) for x in (-0.72, 0.72) for z in (-0.3, 0.3)]

@@ -1,9 +1,10 @@
 """What moves, sampled at every time code of two seconds: cart, ball, pigeon, lantern, carousel, pinwheels, a sign."""
 
 import numpy as np
-from goods import POT, VASES
-from shapes import Shape, ball, box, lathe, merged, quad, sheet, tube
-from stage import Market
+from scenes.making.shapes import Shape, ball, box, lathe, merged, quad, sheet, tube
+from scenes.making.usd_stage import Stage
+
+from .goods import POT, VASES
 
 
 def wheel(radius: float) -> Shape:
@@ -26,7 +27,7 @@ def wheel(radius: float) -> Shape:
     )
 
 
-def moving(m: Market) -> None:
+def moving(m: Stage) -> None:
     speed, radius = 2.1, 0.36
     m.animate(m.group("Cart"), "translate", lambda t: (-2.9 + speed * t, 0, -0.15))
     planks = [box(1.5, 0.05, 0.8, 0, 0.42, 0), *(box(1.5, 0.2, 0.03, 0, 0.48, z) for z in (-0.385, 0.385))]

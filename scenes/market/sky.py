@@ -1,13 +1,14 @@
 """The sky over the market: late afternoon, as a latitude-longitude image without the sun itself."""
 
+from pathlib import Path
+
 import numpy as np
-import OpenEXR
-from textures import FOLDER, mix, noise, smooth
+from scenes.making.images import mix, noise, save_radiance, smooth
 
 TO_SUN = np.array([-0.8, 0.5, 0.33]) / np.linalg.norm([-0.8, 0.5, 0.33])
 
 
-def write_sky() -> None:
+def write_sky(folder: Path) -> None:
     """512 x 256, half: blue zenith, warm haze, thin clouds, a soft glow around the sun, a skyline, grey ground."""
     height, width = 256, 512
     polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
@@ -30,10 +31,4 @@ def write_sky() -> None:
     )
     ground = np.array([0.27, 0.225, 0.18]) * (0.75 + 0.25 * np.maximum(-up, 0))[..., None]
     colour = mix(ground, colour, smooth(-0.03, 0.01, up))
-    half = np.ascontiguousarray(colour.astype(np.float16))
-    half = ((half.view(np.uint16) + 8) & 0xFFF0).view(
-        np.float16
-    )  # 6 bits of mantissa: steps of 1.6 %, a third of the size
-    channels = {name: np.ascontiguousarray(half[..., k]) for k, name in enumerate("RGB")}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, channels).write(str(FOLDER / "sky.exr"))
+    save_radiance(folder, "sky", colour)

@@ -4,90 +4,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
-
-FOLDER = Path(__file__).parent / "textures"
-
-
-def noise(height: int, width: int, slope: float, seed: int, stretch: float = 1.0, low: float = 1.0) -> np.ndarray:
-    """Periodic noise [height, width], mean 0 and deviation 1. Amplitude falls as frequency^-slope; stretch > 1 draws it
-    out along x; frequencies below `low` cycles per image are left out."""
-    white = np.random.default_rng(seed).standard_normal((height, width))
-    fy, fx = np.fft.fftfreq(height, 1 / height)[:, None], np.fft.fftfreq(width, 1 / width)[None, :] * stretch
-    radius = np.hypot(fy, fx)
-    gain = np.where(radius >= low, np.maximum(radius, 1e-9) ** -slope, 0)
-    value = np.fft.ifft2(np.fft.fft2(white) * gain).real
-    return (value - value.mean()) / value.std()
+from scenes.making.images import blocks, cells, mix, noise, save, save_normal, smooth
 
 
-def smooth(low: float, high: float, value: np.ndarray) -> np.ndarray:
-    t = np.clip((value - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def mix(a, b, t: np.ndarray) -> np.ndarray:
-    """Between colours a and b ([3] or [h, w, 3]) by t [h, w]."""
-    return np.asarray(a) * (1 - t[..., None]) + np.asarray(b) * t[..., None]
-
-
-def save(name: str, linear: np.ndarray, *, colours: int | None = None, data: bool = False) -> None:
-    """Write values in [0, 1] as 8-bit PNG, sRGB-encoded unless `data`; `colours` makes it a palette image."""
-    value = np.clip(linear, 0, 1)
-    if not data:
-        rgb = value[..., :3]
-        encoded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * np.maximum(rgb, 1e-9) ** (1 / 2.4) - 0.055)
-        value = np.concatenate([encoded, value[..., 3:]], axis=-1)
-    image = Image.fromarray(np.round(value * 255).astype(np.uint8).squeeze())
-    if colours:
-        image = image.quantize(colours, dither=Image.Dither.NONE)
-    image.save(FOLDER / f"{name}.png", optimize=True)
-
-
-def save_normal(name: str, height: np.ndarray, strength: float, colours: int = 64) -> None:
-    """Tangent-space normals of a periodic height field in texels, as a palette image: a third of the size."""
-    dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2 * strength
-    dy = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / 2 * strength  # rows run down, v runs up
-    normal = np.stack([-dx, dy, np.ones_like(dx)], axis=-1)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    save(name, normal / 2 + 0.5, data=True, colours=colours)
-
-
-def cells(size: int, columns: int, rows: int, seed: int, jitter: float, arch: float, arches: int):
-    """Nearest and second nearest distance, and cell number, of setts laid in `arches` segmental arches; periodic."""
-    rng = np.random.default_rng(seed)
-    offset = rng.uniform(-jitter, jitter, (2, rows, columns))
-    shift = rng.uniform(0, 1, rows)
-    y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
-    across = (x * arches) % 1
-    py = y * rows + arch * (1 - (2 * across - 1) ** 2)
-    px = x * columns
-    first, second, number = np.full((size, size), 9.0), np.full((size, size), 9.0), np.zeros((size, size), int)
-    for step in (-1, 0, 1):
-        row = np.floor(py).astype(int) + step
-        sheared = px - shift[row % rows]
-        for side in (-1, 0, 1):
-            column = np.floor(sheared).astype(int) + side
-            where = row % rows, column % columns
-            distance = np.hypot(sheared - column - 0.5 - offset[0][where], py - row - 0.5 - offset[1][where])
-            nearer = distance < first
-            second = np.where(nearer, first, np.minimum(second, distance))
-            number = np.where(nearer, where[0] * columns + where[1], number)
-            first = np.where(nearer, distance, first)
-    return first, second, number
-
-
-def blocks(height: int, width: int, columns: int, rows: int):
-    """Running bond: distance to the joint in units of a row, and block number [height, width]; periodic."""
-    y, x = np.mgrid[0:height, 0:width] + 0.5
-    py, px = y / height * rows, x / width * columns
-    row = np.floor(py).astype(int)
-    px = px + 0.5 * (row % 2)
-    column = np.floor(px).astype(int)
-    aspect = (width / columns) / (height / rows)
-    edge = np.minimum(0.5 - np.abs(py - row - 0.5), (0.5 - np.abs(px - column - 0.5)) * aspect)
-    return edge, row * columns + column % columns
-
-
-def paving() -> None:
+def paving(folder: Path) -> None:
     size = 1024
     first, second, number = cells(size, columns=33, rows=32, seed=1, jitter=0.17, arch=2.4, arches=3)
     rng = np.random.default_rng(2)
@@ -96,19 +16,28 @@ def paving() -> None:
     stone = smooth(0.05, 0.26, second - first + 0.02 * noise(size, size, 1.2, 4, low=24))
     dome = stone * (0.75 + 0.25 * tilt) - 0.35 * first**2 * stone
     save_normal(
-        "cobbles_normal", dome + 0.022 * rough * stone + 0.03 * noise(size, size, 0.8, 5, low=60) * (1 - stone), 6.5, 44
+        folder,
+        "cobbles_normal",
+        dome + 0.022 * rough * stone + 0.03 * noise(size, size, 0.8, 5, low=60) * (1 - stone),
+        6.5,
+        44,
     )
     colour = mix((0.34, 0.29, 0.235), (0.26, 0.25, 0.245), smooth(0.35, 0.75, hue))
     colour = mix(colour, (0.36, 0.26, 0.19), 0.55 * smooth(0.86, 0.9, hue))
     colour = colour * (0.6 + 0.7 * tone)[..., None] * (1 + 0.13 * rough + 0.1 * noise(size, size, 1.8, 6))[..., None]
     joint = mix((0.085, 0.07, 0.055), (0.075, 0.085, 0.035), smooth(0.6, 1.6, noise(size, size, 1.6, 7)))
-    save("cobbles", mix(joint, colour, stone), colours=48)
+    save(folder, "cobbles", mix(joint, colour, stone), colours=48)
     half = slice(None, None, 2)
     polish = 0.52 + 0.22 * worn - 0.1 * smooth(0.3, 0, first) + 0.05 * rough
-    save("cobbles_roughness", (np.where(stone > 0.5, polish, 0.92)[half, half] * 28).round()[..., None] / 28, data=True)
+    save(
+        folder,
+        "cobbles_roughness",
+        (np.where(stone > 0.5, polish, 0.92)[half, half] * 28).round()[..., None] / 28,
+        data=True,
+    )
 
 
-def masonry() -> None:
+def masonry(folder: Path) -> None:
     edge, number = blocks(512, 512, columns=10, rows=32)
     rng = np.random.default_rng(10)
     tone, hue = rng.uniform(0, 1, (2, number.max() + 1))
@@ -116,44 +45,50 @@ def masonry() -> None:
     brick = smooth(0.05, 0.13, edge + 0.015 * grain)
     colour = mix((0.40, 0.155, 0.10), (0.29, 0.12, 0.095), hue[number]) * (0.7 + 0.5 * tone[number])[..., None]
     colour = mix((0.42, 0.38, 0.33), colour, brick) * (1 + 0.08 * grain + 0.08 * noise(512, 512, 2, 12))[..., None]
-    save("brick", colour, colours=40)
-    save_normal("brick_normal", brick * (0.8 + 0.2 * tone[number]) + 0.04 * grain, 2.2, 48)
+    save(folder, "brick", colour, colours=40)
+    save_normal(folder, "brick_normal", brick * (0.8 + 0.2 * tone[number]) + 0.04 * grain, 2.2, 48)
 
     edge, number = blocks(512, 512, columns=4, rows=6)
     slab = smooth(0.012, 0.035, edge)
     tone = rng.uniform(0, 1, number.max() + 1)[number]
     colour = mix((0.37, 0.34, 0.3), (0.3, 0.3, 0.3), tone) * (0.85 + 0.3 * tone + 0.09 * grain)[..., None]
-    save("flags", mix((0.1, 0.09, 0.08), colour, slab), colours=32)
+    save(folder, "flags", mix((0.1, 0.09, 0.08), colour, slab), colours=32)
 
     y = np.mgrid[0:256, 0:256][0] / 256 * 8
     edge, number = blocks(256, 256, columns=10, rows=8)
     tone, hue = rng.uniform(0, 1, (2, number.max() + 1))
     lip = smooth(0, 0.18, y % 1)
     colour = mix((0.42, 0.15, 0.075), (0.3, 0.13, 0.085), hue[number]) * (0.65 + 0.6 * tone[number])[..., None]
-    save("tiles", colour * (0.35 + 0.65 * lip * smooth(0, 0.1, edge))[..., None], colours=64)
-    save_normal("tiles_normal", (y % 1) * 0.7 + np.sqrt(np.clip(edge, 0, 0.5)), 5)
+    save(folder, "tiles", colour * (0.35 + 0.65 * lip * smooth(0, 0.1, edge))[..., None], colours=64)
+    save_normal(folder, "tiles_normal", (y % 1) * 0.7 + np.sqrt(np.clip(edge, 0, 0.5)), 5)
 
     blotch, grit = noise(512, 512, 1.9, 14), noise(512, 512, 0.6, 15, low=20)
     streak = noise(512, 512, 1.4, 16, stretch=0.12)  # rain runs down the wall
-    save("plaster", (0.8 + 0.06 * blotch + 0.03 * grit + 0.04 * np.minimum(streak, 0.5)).round(2)[..., None])
-    save_normal("plaster_normal", (0.5 * blotch + 0.22 * grit)[::2, ::2], 0.7, 32)
+    save(folder, "plaster", (0.8 + 0.06 * blotch + 0.03 * grit + 0.04 * np.minimum(streak, 0.5)).round(2)[..., None])
+    save_normal(folder, "plaster_normal", (0.5 * blotch + 0.22 * grit)[::2, ::2], 0.7, 32)
 
 
-def crafts() -> None:
+def crafts(folder: Path) -> None:
     ring = noise(512, 512, 1.5, 20, stretch=16, low=1)
     fibre = noise(512, 512, 0.7, 21, stretch=30, low=12)
     board = np.abs((np.arange(512) % 128) - 64) / 64
     save(
+        folder,
         "wood",
         ((0.62 + 0.13 * ring + 0.09 * fibre) * (1 - 0.75 * smooth(0.955, 1, board))[:, None])[..., None],
         colours=40,
     )
-    save("wood_roughness", (0.6 + 0.1 * ring - 0.05 * fibre).round(2)[::2, ::2, None], data=True)
+    save(folder, "wood_roughness", (0.6 + 0.1 * ring - 0.05 * fibre).round(2)[::2, ::2, None], data=True)
 
     streaks = noise(256, 512, 0.35, 22, stretch=90, low=3)
     dents = noise(256, 512, 1.6, 23)
-    save("brushed_roughness", np.clip(0.28 + 0.1 * streaks + 0.015 * dents, 0.08, 0.6).round(2)[..., None], data=True)
-    save_normal("brushed_normal", 0.5 * noise(256, 256, 0.2, 24, stretch=40, low=3), 0.14, 32)
+    save(
+        folder,
+        "brushed_roughness",
+        np.clip(0.28 + 0.1 * streaks + 0.015 * dents, 0.08, 0.6).round(2)[..., None],
+        data=True,
+    )
+    save_normal(folder, "brushed_normal", 0.5 * noise(256, 256, 0.2, 24, stretch=40, low=3), 0.14, 32)
 
     y, x = np.mgrid[0:256, 0:256]
     weave = ((x + y) % 4 < 2) * 0.05 + 0.035 * noise(256, 256, 1.2, 25)
@@ -164,21 +99,22 @@ def crafts() -> None:
         ("green", (0.06, 0.24, 0.13), (0.82, 0.76, 0.6)),
     ):
         save(
+            folder,
             f"canvas_{name}",
             (np.array(a) * (1 - stripe) + np.array(b) * stripe) * (0.93 + weave)[..., None],
             colours=32,
         )
     threads = np.maximum(np.sin(x * np.pi / 4), np.sin(y * np.pi / 4))
-    save("burlap", (0.68 + 0.1 * threads + 0.07 * noise(256, 256, 1, 26)).round(2)[..., None])
+    save(folder, "burlap", (0.68 + 0.1 * threads + 0.07 * noise(256, 256, 1, 26)).round(2)[..., None])
 
     peel = noise(256, 256, 1.0, 27, low=6)
-    save("peel", (0.78 + 0.07 * peel + 0.08 * noise(256, 256, 2, 28)).round(2)[..., None])
+    save(folder, "peel", (0.78 + 0.07 * peel + 0.08 * noise(256, 256, 2, 28)).round(2)[..., None])
     ripple = np.abs(((x + 5 * noise(256, 256, 1.8, 29)) / 256 * 9) % 1 - 0.5) * 2
-    save("melon", mix((0.03, 0.11, 0.03), (0.24, 0.42, 0.12), smooth(0.35, 0.75, ripple)), colours=48)
-    save("ball", mix((0.62, 0.03, 0.03), (0.85, 0.82, 0.75), ((x // 32) % 2) * 1.0), colours=4)
+    save(folder, "melon", mix((0.03, 0.11, 0.03), (0.24, 0.42, 0.12), smooth(0.35, 0.75, ripple)), colours=48)
+    save(folder, "ball", mix((0.62, 0.03, 0.03), (0.85, 0.82, 0.75), ((x // 32) % 2) * 1.0), colours=4)
 
 
-def glaze() -> None:
+def glaze(folder: Path) -> None:
     """White tin glaze with cobalt bands, petals and dots; u runs around the vase, v up."""
     v, u = (np.mgrid[0:512, 0:512] + 0.5) / 512
     v = 1 - v
@@ -192,10 +128,10 @@ def glaze() -> None:
     for height in (0.2, 0.83):
         paint = np.maximum(paint, smooth(0.3, 0.25, np.hypot(angle, (v - height) * 16)))
     body = mix((0.78, 0.77, 0.72), (0.03, 0.07, 0.36), paint * (0.85 + 0.1 * noise(512, 512, 1.5, 30)))
-    save("glaze", body, colours=48)
+    save(folder, "glaze", body, colours=48)
 
 
-def leaves() -> None:
+def leaves(folder: Path) -> None:
     """A twig with leaves; alpha is cut at 0.5. Drawn at four times the size."""
     rng = np.random.default_rng(40)
     image = Image.new("RGBA", (2048, 2048), (52, 92, 28, 0))
@@ -218,7 +154,7 @@ def leaves() -> None:
     small = np.asarray(image.resize((512, 512), Image.Resampling.BOX)).copy()
     small[..., :3] = np.where(small[..., 3:] > 0, small[..., :3], (52, 92, 28))
     small = np.concatenate([small[..., :3] // 8 * 8, small[..., 3:] // 16 * 17], axis=-1)
-    Image.fromarray(small).save(FOLDER / "leaves.png", optimize=True)
+    Image.fromarray(small).save(folder / "leaves.png", optimize=True)
 
 
 LETTERS = {
@@ -231,7 +167,7 @@ LETTERS = {
 }
 
 
-def sign() -> None:
+def sign(folder: Path) -> None:
     """A neon sign: tubes with a halo, as radiance / 8 (the material scales it)."""
     tubes = [Image.new("L", (2048, 512)) for _ in range(2)]
     pen = ImageDraw.Draw(tubes[0])
@@ -248,10 +184,10 @@ def sign() -> None:
         halo = np.asarray(line.filter(ImageFilter.GaussianBlur(7)), float) / 255
         core = np.asarray(line, float) / 255
         total += (0.85 * core**2 + 0.16 * halo)[..., None] * np.array(colour) + 0.1 * core[..., None] ** 4
-    save("sign", total, colours=128)
+    save(folder, "sign", total, colours=128)
 
 
-def shop() -> None:
+def shop(folder: Path) -> None:
     """What is behind the lit windows: shelves with jars before a wall that lamps light from above, as radiance."""
     v, u = 1 - (np.mgrid[0:192, 0:192][0] + 0.5) / 192, (np.mgrid[0:192, 0:192][1] + 0.5) / 192
     lamp = sum(np.exp(-(((u - x) / 0.22) ** 2) - ((v - 0.86) / 0.4) ** 2) for x in (0.25, 0.75))
@@ -264,15 +200,15 @@ def shop() -> None:
             neck = width * np.where(v - shelf < 0.7 * tall, 1, 0.45)
             jar = (np.abs(u - x) < neck) & (v > shelf) & (v < shelf + tall)
             wall = np.where(jar[..., None], wall * rng.uniform(0.1, 0.75, 3), wall)
-    save("shop", wall, colours=64)
+    save(folder, "shop", wall, colours=64)
 
 
-def write_all() -> None:
-    FOLDER.mkdir(exist_ok=True)
-    paving()
-    masonry()
-    crafts()
-    glaze()
-    leaves()
-    sign()
-    shop()
+def write_all(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    paving(folder)
+    masonry(folder)
+    crafts(folder)
+    glaze(folder)
+    leaves(folder)
+    sign(folder)
+    shop(folder)

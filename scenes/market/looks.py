@@ -1,0 +1,61 @@
+"""The market's materials."""
+
+from scenes.making.usd_stage import Look
+
+# name: (base colour or (texture, tint), roughness or (texture, factor), metallic, normal map, metres per repeat)
+PLAIN = {
+    "cobbles": (("cobbles", 1), ("cobbles_roughness", 1), 0, "cobbles_normal", 4.0),
+    "flags": (("flags", 1), 0.75, 0, None, 3.2),
+    "brick": (("brick", 1), 0.85, 0, "brick_normal", 2.56),
+    "ochre": (("plaster", (0.78, 0.50, 0.23)), 0.9, 0, "plaster_normal", 3.2),
+    "rose": (("plaster", (0.74, 0.42, 0.34)), 0.9, 0, "plaster_normal", 3.2),
+    "cream": (("plaster", (0.8, 0.71, 0.55)), 0.9, 0, "plaster_normal", 3.2),
+    "stone": (("plaster", (0.52, 0.47, 0.4)), 0.8, 0, "plaster_normal", 1.6),
+    "tiles": (("tiles", 1), 0.8, 0, "tiles_normal", 2.4),
+    "oak": (("wood", (0.42, 0.24, 0.12)), ("wood_roughness", 0.85), 0, None, 0.8),
+    "pine": (("wood", (0.72, 0.47, 0.25)), ("wood_roughness", 1), 0, None, 0.6),
+    "teal_paint": (("wood", (0.1, 0.3, 0.31)), ("wood_roughness", 0.7), 0, None, 0.6),
+    "white_paint": (("wood", (0.95, 0.92, 0.85)), ("wood_roughness", 0.7), 0, None, 0.8),
+    "red_canvas": (("canvas_red", 1), 0.9, 0, None, 0.5),
+    "blue_canvas": (("canvas_blue", 1), 0.9, 0, None, 0.5),
+    "green_canvas": (("canvas_green", 1), 0.9, 0, None, 0.5),
+    "linen": (("burlap", (0.72, 0.64, 0.5)), 0.95, 0, None, 0.12),
+    "runner": (("burlap", (0.42, 0.05, 0.045)), 0.9, 0, None, 0.1),
+    "burlap": (("burlap", (0.42, 0.3, 0.17)), 0.95, 0, None, 0.16),
+    "dark_cloth": (("burlap", (0.13, 0.075, 0.045)), 0.95, 0, None, 0.16),
+    "copper": ((0.93, 0.53, 0.38), ("brushed_roughness", 1), 1, "brushed_normal", 1),
+    "brass": ((0.88, 0.68, 0.33), ("brushed_roughness", 0.75), 1, "brushed_normal", 1),
+    "steel": ((0.72, 0.73, 0.74), ("brushed_roughness", 1.1), 1, "brushed_normal", 1),
+    "iron": ((0.035, 0.037, 0.04), 0.45, 0, None, 1),
+    "wire": ((0.05, 0.05, 0.05), 0.5, 0, None, 1),
+    "glaze": (("glaze", 1), 0.09, 0, None, 1),
+    "celadon": ((0.12, 0.36, 0.29), 0.07, 0, None, 1),
+    "oxblood": ((0.34, 0.03, 0.02), 0.08, 0, None, 1),
+    "honey": ((0.55, 0.27, 0.05), 0.1, 0, None, 1),
+    "terracotta": (("plaster", (0.52, 0.24, 0.14)), 0.85, 0, "plaster_normal", 1),
+    "earth": (("plaster", (0.06, 0.04, 0.03)), 1.0, 0, None, 0.5),
+    "glass": ((0.02, 0.028, 0.035), 0.04, 0, None, 1),
+    "orange": (("peel", (0.95, 0.38, 0.04)), 0.4, 0, None, 1),
+    "lemon": (("peel", (0.95, 0.72, 0.08)), 0.38, 0, None, 1),
+    "apple": (("peel", (0.6, 0.05, 0.035)), 0.22, 0, None, 1),
+    "lime": (("peel", (0.3, 0.5, 0.06)), 0.3, 0, None, 1),
+    "plum": (("peel", (0.16, 0.05, 0.17)), 0.3, 0, None, 1),
+    "melon": (("melon", 1), 0.28, 0, None, 1),
+    "ball": (("ball", 1), 0.35, 0, None, 1),
+    "feather": (("peel", (0.42, 0.44, 0.5)), 0.7, 0, None, 1),
+    "chalk": ((0.82, 0.8, 0.76), 0.85, 0, None, 1),
+    "red_flag": ((0.55, 0.04, 0.03), 0.9, 0, None, 1),
+    "blue_flag": ((0.04, 0.16, 0.4), 0.9, 0, None, 1),
+    "gold_flag": ((0.8, 0.5, 0.05), 0.9, 0, None, 1),
+}
+LIT = {
+    "lantern_glass": (7.0, 3.6, 1.1),
+    "bulb": (5.0, 3.2, 1.5),
+}
+LOOKS = {
+    **{name: Look(*values) for name, values in PLAIN.items()},
+    **{name: Look((0.06, 0.04, 0.02), 0.08, emission=radiance) for name, radiance in LIT.items()},
+    "shop": Look((0.05, 0.04, 0.03), 0.08, emission=("shop", (1.6, 1.6, 1.6))),
+    "neon": Look((0.015, 0.015, 0.018), 0.25, emission=("sign", (8, 8, 8))),
+    "leaves": Look(("leaves", (1.1, 1.15, 0.9)), 0.7, mask="leaves"),
+}
