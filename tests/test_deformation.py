@@ -103,6 +103,35 @@ def test_any_frame_alone_equals_itself_in_the_sequence():
     assert all(np.array_equal(expected[name], found[name]) for name in expected)
 
 
+def test_instances_share_a_mesh_that_deforms_as_if_each_had_its_own():
+    """Three objects, two of which move, with one mesh that leaves its first bounds; then each with a mesh of its own."""
+    mesh = grid(8, 1.0)
+    places = [
+        lambda time: at(-0.8, 0, -4) @ np.diag([1.2, 1, 1, 1]),
+        lambda time: at(0.3, 0.1 * time, -3.5),
+        lambda time: at(0.9 - 0.1 * time, -0.4, -5) @ np.diag([1, -1, 1, 1]),
+    ]
+    path = path_of(*(at(0.02 * k, 0, 0) for k in range(4)))
+
+    def deformed(time, meshes):
+        positions = (sheared(time, mesh.positions.astype(float)) + [0, 0.2 * time**2, 0]).astype(np.float32)
+        return {index: Deformed(positions=positions, normals=mesh.normals) for index in range(meshes)}
+
+    own = make_scene(*((mesh, GRAY, place) for place in places))
+    own = replace(own, deformed=lambda time: deformed(time, 3))
+    objects = tuple(replace(item, mesh=0, moves=True) for item in own.objects)
+    shared = replace(own, meshes=(mesh,), objects=objects, deformed=lambda time: deformed(time, 1))
+    stages = [Stage(scene, path, display=DISPLAY) for scene in (shared, own)]
+    for frame in range(4):
+        a, b = (stage.arrays(frame, "hr") for stage in stages)
+        same = a["object_id"][..., 0] == b["object_id"][..., 0]
+        assert same.mean() > 0.999 and set(np.unique(a["object_id"])) == {0, 1, 2, 3}  # edges may fall to either side
+        for name, tolerance in (("depth", 2**-20), ("motion", 1e-3), ("normal", 2**-20)):
+            finite = same & np.isfinite(b["depth"][..., 0])
+            np.testing.assert_allclose(a[name][finite], b[name][finite], rtol=2**-20, atol=tolerance, err_msg=name)
+        assert (a["visibility"][same] == b["visibility"][same]).mean() > 0.999
+
+
 def test_normals_follow_the_vertices():
     def turned(time):
         return {0: Deformed(positions=MESH.positions, normals=np.tile(np.float32([0.6, 0, 0.8]), (len(MESH.positions), 1)))}

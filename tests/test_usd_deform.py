@@ -405,14 +405,14 @@ def test_instances_follow_their_velocities(tmp_path):
     np.testing.assert_allclose(scene.world_from_object(0.5)[0, :3, 3], [1, 2, 5], atol=4 * SINGLE)
 
 
-def test_a_skinned_prototype_gives_every_instance_its_own_mesh(tmp_path):
-    """Two arms, one beside the other, bend together; a still mesh of the prototype is shared."""
+def test_instances_share_the_meshes_of_a_skinned_prototype(tmp_path):
+    """Two arms, one beside the other, bend together."""
     body = arm(FLAT).replace("/fig/", "/many/fig/").rstrip()[:-1] + prim("Mesh", "box", QUAD) + "}\n"
     lines = "rel prototypes = [</many/fig>]", "int[] protoIndices = [0, 0]", "point3f[] positions = [(0,0,0), (0,0,9)]"
     scene = load(tmp_path, prim("PointInstancer", "many", *lines, body), header=CODES)
     assert [(item.name, item.mesh, item.moves) for item in scene.objects] == [
-        ("/many[0]/fig/arm", 0, True), ("/many[1]/fig/arm", 1, True),
-        ("/many[0]/fig/box", 2, False), ("/many[1]/fig/box", 2, False),
+        ("/many[0]/fig/arm", 0, True), ("/many[1]/fig/arm", 0, True),
+        ("/many[0]/fig/box", 1, False), ("/many[1]/fig/box", 1, False),
     ]  # fmt: skip
     for item, z in ((0, 0), (1, 9)):
         rest = np.array(ARM) + (0, 0, z)
@@ -430,6 +430,20 @@ def test_native_instances_of_a_skinned_figure_bend_each_in_its_place(tmp_path):
     for item, z in ((0, 0), (1, 9)):
         found = in_order(scene, in_world(scene, 1.0, item)[0], np.array(ARM) + (0, 0, z), item)
         np.testing.assert_allclose(found, bent_arm(90) + (0, 0, z), atol=8 * SINGLE)
+
+
+def test_native_instances_share_a_mesh_whose_points_are_sampled(tmp_path):
+    """As leaves in the wind; each has its place, and the mesh is computed once."""
+    points = ".timeSamples = { 0: [(0,0,0), (1,0,0), (0,1,0)], 10: [(0,0,1), (1,0,1), (0,1,3)] }"
+    body = prim("Xform", "_tree", prim("Mesh", "leaf", triangles(points), FLAT)).replace("def Xform", "class Xform")
+    places = (placed("double3 xformOp:translate", (0, 0, z)) for z in (0, 9))
+    shares = "instanceable = true\nreferences = </_tree>"
+    shown = [prim("Xform", f"i{k}", *place, metadata=shares) for k, place in enumerate(places)]
+    scene = load(tmp_path, body, *shown, header=CODES)
+    assert [(item.name, item.mesh, item.moves) for item in scene.objects] == [("/i0/leaf", 0, True), ("/i1/leaf", 0, True)]
+    assert len(scene.meshes) == 1 and list(scene.deformed(0.5)) == [0]
+    for item, z in ((0, 0), (1, 9)):
+        assert {tuple(point) for point in in_world(scene, 1.0, item)[0]} == {(0, 0, 1 + z), (1, 0, 1 + z), (0, 1, 3 + z)}
 
 
 def test_a_part_that_hangs_on_one_joint_moves_with_it_in_every_instance(tmp_path):

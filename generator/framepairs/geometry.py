@@ -71,15 +71,13 @@ class Geometry:
         uses = np.bincount([item.mesh for item in scene.objects], minlength=len(scene.meshes))
         deforms = [scene.meshes[item.mesh].deforms for item in scene.objects]
         self._instanced = [
-            not deforming and (item.moves or uses[item.mesh] > 1)
+            uses[item.mesh] > 1 or (item.moves and not deforming)
             for item, deforming in zip(scene.objects, deforms, strict=True)
         ]
         self._fixed = [not item.moves for item in scene.objects]
-        self._groups = {
-            item.mesh: mi.load_dict({"type": "shapegroup", "mesh": _mesh(scene.meshes[item.mesh])})
-            for item, instanced in zip(scene.objects, self._instanced, strict=True)
-            if instanced
-        }
+        grouped = {item.mesh for item, instanced in zip(scene.objects, self._instanced, strict=True) if instanced}
+        self._changing = sorted(mesh for mesh in grouped if scene.meshes[mesh].deforms)
+        self._groups = {mesh: _group(scene.meshes[mesh]) for mesh in sorted(grouped - {*self._changing})}
         self._slots: list[_Slot] = []
         self._statics: tuple[bytes, dict[int, mi.Shape]] | None = None
         self._vertices = _vertices(scene)
@@ -105,7 +103,8 @@ class Geometry:
                 return slot
         statics_key = placed.matrices[self._fixed].tobytes()
         if self._statics is None or self._statics[0] != statics_key:
-            self._statics = (statics_key, {k: self._shape(k, placed) for k, fixed in enumerate(self._fixed) if fixed})
+            statics = {k: self._shape(k, placed, self._groups) for k, fixed in enumerate(self._fixed) if fixed}
+            self._statics = (statics_key, statics)
             self._slots.clear()
         free = [slot for slot in self._slots if slot.placed.key != avoid]
         if len(self._slots) < 2 or not free:
@@ -116,30 +115,31 @@ class Geometry:
             slot = free[0]
             self._slots = [other for other in self._slots if other is not slot]
             self._move(slot, placed)
-            slot = _Slot(placed, slot.shapes, self._pose(slot.pose.scene, placed))
+            slot = _Slot(placed, slot.shapes, slot.groups, self._pose(slot.pose.scene, placed))
             self._slots.append(slot)
         return slot
 
     def _build(self, placed: _Placement) -> "_Slot":
-        fixed = self._statics[1]
-        shapes = [fixed[k] if k in fixed else self._shape(k, placed) for k in range(len(self._scene.objects))]
-        named = {f"object_{index}": shape for index, shape in enumerate(shapes)}
-        groups = {f"group_{index}": group for index, group in self._groups.items()}
-        scene = mi.load_dict({"type": "scene", **groups, **named})
-        return _Slot(placed, shapes, self._pose(scene, placed))
+        fixed, meshes = self._statics[1], self._scene.meshes
+        own = {mesh: _group(meshes[mesh], self._positions(mesh, placed)) for mesh in self._changing}
+        groups = self._groups | own
+        shapes = [fixed[k] if k in fixed else self._shape(k, placed, groups) for k in range(len(self._scene.objects))]
+        named = {f"group_{mesh}": group for mesh, group in groups.items()}
+        named |= {f"object_{index}": shape for index, shape in enumerate(shapes)}
+        scene = mi.load_dict({"type": "scene", **named})
+        return _Slot(placed, shapes, own, self._pose(scene, placed))
 
-    def _shape(self, index: int, placed: _Placement) -> mi.Shape:
+    def _shape(self, index: int, placed: _Placement, groups: dict[int, mi.Shape]) -> mi.Shape:
         item = self._scene.objects[index]
         matrix = placed.matrices[index]
         if self._instanced[index]:
-            transform = mi.ScalarTransform4f(_full(_regular(matrix)))
-            return mi.load_dict({"type": "instance", "group": self._groups[item.mesh], "to_world": transform})
-        mesh = self._scene.meshes[item.mesh]
-        return _mesh(mesh, _moved(placed.deformed.get(item.mesh, mesh).positions, matrix))
+            transform = mi.ScalarTransform4f(_invertible(matrix))
+            return mi.load_dict({"type": "instance", "group": groups[item.mesh], "to_world": transform})
+        return _mesh(self._scene.meshes[item.mesh], _moved(self._positions(item.mesh, placed), matrix))
 
     def _move(self, slot: "_Slot", placed: _Placement) -> None:
-        """Replace what differs: transforms of instances, vertices of meshes that deform."""
-        changed = None
+        """Replace what differs: transforms of instances, vertices of meshes that deform (once for all their instances)."""
+        changed = self._reshape_groups(slot, placed)
         for index in np.flatnonzero(~np.array(self._fixed, dtype=bool)):
             item, matrix, old = self._scene.objects[index], placed.matrices[index], slot.placed.matrices[index]
             same = np.array_equal(matrix, old)
@@ -147,22 +147,37 @@ class Geometry:
                 if same:
                     continue
                 parameters = mi.traverse(slot.shapes[index])
-                transform = mi.Transform4f(_full(_regular(matrix)))
+                transform = mi.Transform4f(_invertible(matrix))
                 dr.make_opaque(transform)
                 parameters["to_world"], changed = transform, f"object_{index}.to_world"
             else:
-                vertices, before = (p.deformed.get(item.mesh) for p in (placed, slot.placed))
-                vertices = vertices or self._scene.meshes[item.mesh]
-                if same and before is not None and np.array_equal(vertices.positions, before.positions):
+                positions, before = (self._positions(item.mesh, p) for p in (placed, slot.placed))
+                if same and np.array_equal(positions, before):
                     continue
                 parameters = mi.traverse(slot.shapes[index])
-                parameters["vertex_positions"] = mi.Float(_moved(vertices.positions, matrix).ravel())
+                parameters["vertex_positions"] = mi.Float(_moved(positions, matrix).ravel())
                 changed = f"object_{index}.vertex_positions"
             parameters.update()
         if changed is not None:
             scene = mi.traverse(slot.pose.scene)
             scene.set_dirty(changed)
             scene.update()
+
+    def _reshape_groups(self, slot: "_Slot", placed: _Placement) -> str | None:
+        """Gives the groups of meshes that deform their vertices; the name of one of their instances, or None."""
+        changed = None
+        for mesh, group in slot.groups.items():
+            positions = self._positions(mesh, placed)
+            if not np.array_equal(positions, self._positions(mesh, slot.placed)):
+                parameters = mi.traverse(group)
+                parameters["mesh.vertex_positions"] = mi.Float(positions.ravel())
+                parameters.update()
+                user = next(k for k, item in enumerate(self._scene.objects) if item.mesh == mesh)
+                changed = f"object_{user}.to_world"
+        return changed
+
+    def _positions(self, mesh: int, placed: _Placement) -> NDArray[np.float32]:
+        return placed.deformed.get(mesh, self._scene.meshes[mesh]).positions
 
     def _pose(self, scene: mi.Scene | None, placed: _Placement) -> Pose:
         positions, normals = self._still
@@ -193,6 +208,7 @@ class Geometry:
 class _Slot:
     placed: _Placement
     shapes: list
+    groups: dict[int, mi.Shape]
     pose: Pose
 
 
@@ -209,18 +225,15 @@ def _placement(states: ObjectStates, origin: NDArray[np.float64]) -> _Placement:
     return _Placement(precise, matrices, hidden, states.deformed, digest.digest())
 
 
-def _regular(matrix: NDArray) -> NDArray:
-    """The matrix, or the identity for a singular one: its object is hidden, and Mitsuba needs an inverse."""
-    return matrix if abs(np.linalg.det(matrix[:, :3].astype(np.float64))) > 0 else np.eye(4, dtype=np.float32)[:3]
+def _invertible(matrix: NDArray[np.float32]) -> list[list[float]]:
+    """The matrix [4, 4], or the identity for a singular one: its object is hidden, and Mitsuba needs an inverse."""
+    regular = abs(np.linalg.det(matrix[:, :3].astype(np.float64))) > 0
+    return [*(matrix if regular else np.eye(4, dtype=np.float32)[:3]).tolist(), [0, 0, 0, 1]]
 
 
 def _moved(positions: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     exact = matrix.astype(np.float64)
     return (positions.astype(np.float64) @ exact[:, :3].T + exact[:, 3]).astype(np.float32)
-
-
-def _full(matrix: NDArray) -> list:
-    return [*matrix.tolist(), [0, 0, 0, 1]]
 
 
 def _upload(matrices: NDArray) -> mi.Float:
@@ -235,6 +248,11 @@ def _mesh(mesh: Mesh, positions: NDArray[np.float32] | None = None) -> mi.Mesh:
     parameters["faces"] = np.ascontiguousarray(mesh.faces).ravel()
     parameters.update()
     return shape
+
+
+def _group(mesh: Mesh, positions: NDArray[np.float32] | None = None) -> mi.Shape:
+    """What instances of a mesh refer to."""
+    return mi.load_dict({"type": "shapegroup", "mesh": _mesh(mesh, positions)})
 
 
 def _registry_numbers(shapes: list) -> NDArray[np.int64]:

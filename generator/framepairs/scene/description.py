@@ -81,8 +81,8 @@ class Mesh:
     positions: [V, 3] float32. faces: [T, 3] uint32, counter-clockwise from outside. normals: [V, 3] float32 or None for
     flat shading. uv, uv2: [V, 2] float32 with v up, or None. colors: [V, 4] float32, linear Rec. 709 and opacity, or None.
     tangents: [V, 4] float32, the unit direction of growing u and the sign of the bitangent cross(normal, tangent) w, towards
-    growing v (v up); None to take them from uv. deforms: its vertices move (skin, morph targets, point cache); it then
-    belongs to one object, positions and normals are those at time 0, and it has no tangents.
+    growing v (v up); None to take them from uv. deforms: its vertices move (skin, morph targets, point cache), alike in all
+    objects that have it; positions and normals are then those at time 0, and it has no tangents.
     """
 
     name: str

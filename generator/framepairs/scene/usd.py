@@ -169,16 +169,16 @@ def _matrix(placement: Placement, cache: UsdGeom.XformCache) -> NDArray[np.float
     return placement.matrices(cache)[0]
 
 
-def _shining(prim: Usd.Prim, added: list, placement: Placement | None, reading: Reading) -> list[tuple[MeshPart, list[int]]]:
+def _shining(prim: Usd.Prim, added: list, placement: Placement | None, reading: Reading) -> list[tuple[MeshPart, int]]:
     """The parts of a prim, with materials that shine where it is a light. added: of `_add_meshes`."""
     if not prim.HasAPI(UsdLux.LightAPI) or not added:
         return added
-    meshes = [reading.meshes[indices[0]] for _, indices in added]
+    meshes = [reading.meshes[index] for _, index in added]
     matrix = partial(_matrix, placement) if placement is not None else None
     moves = placement is not None and placement.moves
     materials = [part.material for part, _ in added]
     shining = shining_materials(prim, materials, meshes, matrix, moves, reading.reader, reading.not_read)
-    return [(replace(part, material=index), indices) for (part, indices), index in zip(added, shining, strict=True)]
+    return [(replace(part, material=material), mesh) for (part, mesh), material in zip(added, shining, strict=True)]
 
 
 def _read_mesh(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None:
@@ -186,9 +186,9 @@ def _read_mesh(prim: Usd.Prim, visibility: Visibility, reading: Reading) -> None
     anchor, local, local_moves = _frame(prim, deformation)
     placement = place(anchor, local, local_moves, visibility)
     moves = placement.moves or placement.visible is not None or (deformation is not None and deformation.moves)
-    for part, indices in _shining(prim, list(_add_meshes(deformation, parts, 1, reading)), placement, reading):
+    for part, mesh in _shining(prim, list(_add_meshes(deformation, parts, reading)), placement, reading):
         both = _double_sided(prim)
-        item = SceneObject(name=part.name, mesh=indices[0], material=part.material, moves=moves, double_sided=both)
+        item = SceneObject(name=part.name, mesh=mesh, material=part.material, moves=moves, double_sided=both)
         reading.objects.append(item)
         reading.placements.append(placement)
 
@@ -219,7 +219,7 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
                 continue
             deformation, parts = _mesh_and_parts(prim, root, reading)
             anchor, local, local_moves = _frame(prim, deformation)
-            for part, indices in _shining(prim, list(_add_meshes(deformation, parts, len(members), reading)), None, reading):
+            for part, mesh in _shining(prim, list(_add_meshes(deformation, parts, reading)), None, reading):
                 placed.append(
                     PrototypePart(
                         prototype=number, root=root, anchor=anchor, local=local, local_moves=local_moves, visibility=shown
@@ -230,9 +230,9 @@ def _read_instancer(instancer: UsdGeom.PointInstancer, visibility: Visibility, r
                 check_count(len(reading.objects) + len(members), path)
                 objects += [
                     SceneObject(
-                        name=f"{path}[{member}]{inside}", mesh=index, material=part.material, moves=moves, double_sided=both
+                        name=f"{path}[{member}]{inside}", mesh=mesh, material=part.material, moves=moves, double_sided=both
                     )
-                    for member, index in zip(members, indices, strict=True)
+                    for member in members
                 ]  # fmt: skip
     placement = place_instances(instances, placed, visibility)
     if placement.moves or placement.visible is not None:
@@ -258,28 +258,31 @@ def _frame(prim: Usd.Prim, deformation: Deformation | None):
     return deformation.anchor, partial(object_matrix, deformation), skin.rigid and skin.moves
 
 
-def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], count: int, reading: Reading):
-    """Adds the meshes of a prim that is drawn `count` times: for each part, the mesh of every drawing. Meshes that keep their
-    shape are shared; those that move belong to one object each."""
-    if deformation is None or not deformation.reshapes:
-        for part in parts:
-            if part.key not in reading.index_of:
-                reading.index_of[part.key] = len(reading.meshes)
-                reading.meshes.append(still_mesh(part))
-            yield part, [reading.index_of[part.key]] * count
+def _add_meshes(deformation: Deformation | None, parts: list[MeshPart], reading: Reading) -> Iterator[tuple[MeshPart, int]]:
+    """For each part of a prim its mesh, which all instances of a point instancer share. Other instances share it, too, unless
+    a skeleton or blend shapes act on it."""
+    reshapes = deformation is not None and deformation.reshapes
+    own = reshapes and (deformation.skin is not None or deformation.shapes is not None)
+    keys = [(*part.key, str(deformation.prim.GetPath())) if own else part.key for part in parts]
+    if not all(key in reading.index_of for key in keys):
+        _make_meshes(deformation if reshapes else None, parts, keys, reading)
+    return zip(parts, [reading.index_of[key] for key in keys], strict=True)
+
+
+def _make_meshes(deformation: Deformation | None, parts: list[MeshPart], keys: list[tuple], reading: Reading) -> None:
+    first = len(reading.meshes)
+    reading.index_of.update({key: first + number for number, key in enumerate(keys)})
+    if deformation is None:
+        reading.meshes += [still_mesh(part) for part in parts]
         return
     begin = Usd.TimeCode(begin_of(deformation.prim.GetStage()))
     now = pose(deformation, begin)
     sources = []
-    for part in parts:
+    for index, part in enumerate(parts, start=first):
         mesh, source = mesh_of(part)
-        first = deformed_vertices(deformation, now, source, begin)
-        mesh = with_vertices(mesh, first.positions, first.normals, deformation.moves)
-        copies = count if deformation.moves else 1
-        indices = list(range(len(reading.meshes), len(reading.meshes) + copies))
-        reading.meshes += [mesh] * copies
-        sources.append((source, tuple(indices)))
-        yield part, indices if deformation.moves else indices * count
+        vertices = deformed_vertices(deformation, now, source, begin)
+        reading.meshes.append(with_vertices(mesh, vertices.positions, vertices.normals, deformation.moves))
+        sources.append((source, index))
     if deformation.moves:
         reading.moving.append(Moving(deformation, tuple(sources)))
 

@@ -21,10 +21,10 @@ from .usd_placement import Placement
 
 @dataclass(frozen=True)
 class Moving:
-    """A mesh prim whose vertices move. parts: where the vertices of a part come from, and the meshes that it is drawn as."""
+    """A mesh prim whose vertices move. parts: where the vertices of a part come from, and its mesh."""
 
     deformation: Deformation
-    parts: tuple[tuple[VertexSource, tuple[int, ...]], ...]
+    parts: tuple[tuple[VertexSource, int], ...]
 
 
 @contextmanager
@@ -104,8 +104,8 @@ def deformed_at(moving: Sequence[Moving], code: Usd.TimeCode) -> dict[int, Defor
     out: dict[int, Deformed] = {}
     for item in moving:
         now = pose(item.deformation, code)
-        for source, indices in item.parts:
-            out |= dict.fromkeys(indices, deformed_vertices(item.deformation, now, source, code))
+        for source, mesh in item.parts:
+            out[mesh] = deformed_vertices(item.deformation, now, source, code)
     return out
 
 
