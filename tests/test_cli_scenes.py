@@ -2,9 +2,12 @@
 
 import json
 
+import numpy as np
+import OpenEXR
 from PIL import Image
 
 from framepairs.corpus import Corpus
+from framepairs.scene import light_scene, load_scene
 from test_cli import TINY, framepairs
 
 STAGE = """#usda 1.0
@@ -54,6 +57,10 @@ def stage(folder, image="paint.png"):
     file = folder / "scene" / "set.usda"
     file.write_text(STAGE.format(image=image))
     return file
+
+
+def write_gray(file, radiance):
+    OpenEXR.File({}, {"RGB": np.full((4, 8, 3), radiance, np.float32)}).write(str(file))
 
 
 def test_describe_says_what_leaving_out_saves(tmp_path):
@@ -126,3 +133,22 @@ def test_an_overlay_is_rendered_regenerated_and_named_where_it_is_wrong(tmp_path
     wrong = framepairs("render", file, "--overlay", overlay, "--out", tmp_path / "other", *TINY)
     assert wrong.returncode == 2 and "hud.json, elements.0: give exactly one of size, world_height" in wrong.stderr
     assert not (tmp_path / "other").exists()
+
+
+def test_what_lies_beside_a_scene_is_taken_up(tmp_path):
+    """A sky and an overlay, which no reader of glTF or XML needs to know of; both may be replaced."""
+    file, element = stage(tmp_path), {"text": "HUD", "screen": [0.5, 0.5], "size": 0.5}
+    file.with_name("set.overlay.json").write_text(json.dumps({"version": 1, "elements": [element]}))
+    write_gray(file.with_name("set.environment.exr"), 0.25)
+    scene = load_scene(file)
+    assert scene.environment.texels.max() == 0.25 and scene.files[-1].name == "set.environment.exr"
+    assert framepairs("render", file, "--out", tmp_path / "a", "--frames", "0:1", *TINY).returncode == 0
+    assert Corpus(tmp_path / "a").read("set_orbit", "hr", "overlay", 0).max() > 0.2
+    assert Corpus(tmp_path / "a").sequence("set_orbit").overlay == "scene"
+    assert framepairs("regenerate", tmp_path / "a", "--scale", "4", "--quiet").returncode == 0
+    done = framepairs("render", file, "--overlay", "none", "--out", tmp_path / "b", "--frames", "0:1", *TINY)
+    assert done.returncode == 0 and Corpus(tmp_path / "b").sequence("set_orbit").overlay is None
+    assert framepairs("regenerate", tmp_path / "b", "--scale", "4", "--quiet").returncode == 0
+    write_gray(tmp_path / "other.exr", 0.5)
+    lit, named = light_scene(scene, tmp_path / "other.exr")
+    assert lit.environment.texels.max() == 0.5 and named.endswith("other.exr")

@@ -27,7 +27,7 @@ def written(folder: Path, **changes) -> Path:
 
 def job_of(out: Path, overlay: Path | None, **plan) -> Job:
     job = two_quads_job(out, scales=(2,), channels="needed", **plan)
-    return replace(job, overlay=None if overlay is None else read_overlay(overlay))
+    return job if overlay is None else replace(job, overlay=read_overlay(overlay), overlay_name=str(overlay))
 
 
 @pytest.fixture(scope="module")

@@ -114,7 +114,9 @@ def render(
     channels: Annotated[str | None, typer.Option(help="a,b,c for exactly these, 'all', or 'needed'")] = None,
     environment: EnvironmentFile = None,
     clip: Clip = None,
-    overlay: Annotated[Path | None, typer.Option(help="JSON file of texts and images that are drawn over the frames")] = None,
+    overlay: Annotated[
+        str | None, typer.Option(help="JSON file of texts and images over the frames, or none; default: the one beside the scene")
+    ] = None,
     plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
     settings: Settings = None,
     allow_outside: AllowOutside = False,

@@ -46,6 +46,7 @@ class Job:
     out: Path
     clip: str | None = None
     overlay: Overlay | None = None
+    overlay_name: str | None = None
 
     @cached_property
     def shoot(self) -> Shoot:
@@ -195,7 +196,7 @@ def _sequence_record(job: Job) -> SequenceRecord:
         deforming=[index for index, item in enumerate(job.scene.objects, start=1) if job.scene.meshes[item.mesh].deforms],
         not_demodulated=_not_demodulated(job),
         animation_clip=job.clip,
-        overlay=str(job.overlay.files[0]) if job.overlay is not None else None,
+        overlay=job.overlay_name,
         overlay_sha256=job.overlay_sha256,
         channels=[channel.name for channel in job.channels],
         constants=constants,

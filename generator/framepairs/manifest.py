@@ -115,7 +115,7 @@ class SequenceRecord(_Model):
         [], description="object_id of every object whose F_beta is 1, because Mitsuba's own BSDF draws it (path)"
     )
     animation_clip: str | None = Field(None, description="the clip that was asked for, of files that hold several")
-    overlay: str | None = Field(None, description="file of what is drawn over colour, as given")
+    overlay: str | None = Field(None, description="file of what is drawn over colour, as given; 'scene': the one beside the scene")
     overlay_sha256: Sha256 | None = Field(None, description="over the overlay's files")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")

@@ -73,9 +73,10 @@ def make_job(
     clip: str | None = None,
     stored=None,
     allow_outside: bool = False,
-    overlay: Path | None = None,
+    overlay: str | Path | None = None,
 ):
-    """The Job of a scene; `stored` is the SequenceRecord that it must repeat."""
+    """The Job of a scene; `stored` is the SequenceRecord that it must repeat. overlay: a file, 'none', 'scene' for the one
+    beside the scene, or None for that if there is one."""
     from .job import Job  # activates a back end
 
     if environment is not None and not environment.is_file():
@@ -84,9 +85,10 @@ def make_job(
     if stored is not None and scene_hash(lit) != stored.scene_sha256:
         raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
     path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
-    drawn_over = read_overlay(overlay, allow_outside) if overlay is not None else None
+    named, overlay_file = _overlay_of(file, overlay)
+    drawn_over = read_overlay(overlay_file, allow_outside) if overlay_file is not None else None
     if stored is not None and drawn_over is not None and files_hash(drawn_over.files) != stored.overlay_sha256:
-        raise InputError("is not the overlay that the corpus was rendered with (sha256 differs)", file=overlay)
+        raise InputError("is not the overlay that the corpus was rendered with (sha256 differs)", file=overlay_file)
     return Job(
         scene=lit,
         scene_name=scene,
@@ -97,14 +99,23 @@ def make_job(
         out=out,
         clip=clip,
         overlay=drawn_over,
+        overlay_name=named,
     )
+
+
+def _overlay_of(scene: Path, asked: str | Path | None) -> tuple[str | None, Path | None]:
+    """What the manifest calls the overlay, and its file."""
+    beside = scene.with_name(f"{scene.stem}.overlay.json")
+    if asked == "none" or (asked is None and not beside.is_file()):
+        return None, None
+    return ("scene", beside) if asked in (None, "scene") else (str(asked), Path(asked))
 
 
 def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path, allow_outside: bool = False):
     """(the job of a sequence of a corpus, whether its scene was found at `moved_to`)."""
     clip = entry.animation_clip
     environment = Path(entry.environment) if entry.environment not in (None, "default") else None
-    overlay = Path(entry.overlay) if entry.overlay is not None else None
+    overlay = "none" if entry.overlay is None else entry.overlay
     given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay}
     if moved_to is not None:
         try:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .containment import reach_of
+from .containment import reach_of, within
 from .default_sky import default_environment
 from .description import Environment, Material, SceneDescription, Texture, rotation_from_y_up
 from .images import linear_texels, read_image
@@ -25,10 +25,16 @@ def load_scene(
 ) -> SceneDescription:
     """The scene in `file`, by its suffix, with the animation clip of that name (glTF; the first by default).
 
-    allow_outside: it may name files outside its own folder. subdivision: how often subdivision surfaces are refined. Raises
-    InputError naming the file.
+    A scene without environment has the image `<stem>.environment.exr` (or .hdr) beside it, if there is one. allow_outside: it
+    may name files outside its own folder. subdivision: how often subdivision surfaces are refined. Raises InputError naming
+    the file.
     """
-    return solid_where_opaque(_read_scene(file, clip, allow_outside, subdivision))
+    scene = solid_where_opaque(_read_scene(file, clip, allow_outside, subdivision))
+    if scene.environment is not None:
+        return scene
+    beside = (file.with_name(f"{file.stem}.environment{suffix}") for suffix in (".exr", ".hdr"))
+    image = next((name for name in beside if name.is_file()), None)
+    return scene if image is None else _with_image(scene, within(reach_of(file, allow_outside), image.name, file=file))
 
 
 def solid_where_opaque(scene: SceneDescription) -> SceneDescription:
@@ -92,15 +98,20 @@ def light_scene(scene: SceneDescription, environment: Path | None) -> tuple[Scen
     alone a black sky. Texels that are no radiance are replaced and named in `not_read`.
     """
     if environment is not None:
-        texels = linear_texels(Texture(name=environment.name, texels=read_image(environment), srgb=True))
-        rotation = rotation_from_y_up(scene.up_axis)
-        sky = Environment(name=environment.name, texels=texels[..., :3], world_from_environment=rotation)
-        return _with_sky(replace(scene, files=(*scene.files, environment)), sky), str(environment)
+        lit = _with_image(scene, environment)
+        return _with_sky(lit, lit.environment), str(environment)
     if scene.environment is not None:
         return _with_sky(scene, scene.environment), None
     if scene.lights or any(scene.materials[item.material].shines for item in scene.objects):
         return replace(scene, environment=Environment(name="black", texels=np.zeros((1, 2, 3), np.float32))), None
     return replace(scene, environment=default_environment(scene.up_axis)), "default"
+
+
+def _with_image(scene: SceneDescription, image: Path) -> SceneDescription:
+    texels = linear_texels(Texture(name=image.name, texels=read_image(image), srgb=True))
+    rotation = rotation_from_y_up(scene.up_axis)
+    sky = Environment(name=image.name, texels=texels[..., :3], world_from_environment=rotation)
+    return replace(scene, environment=sky, files=(*scene.files, image))
 
 
 def _with_sky(scene: SceneDescription, sky: Environment) -> SceneDescription:
