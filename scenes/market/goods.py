@@ -1,7 +1,7 @@
-"""What the market sells: stalls, crates of fruit, ceramics, pans, and the oak table in the foreground."""
+"""What the market sells: stalls, crates of fruit, ceramics, pans, cloth, spices."""
 
 import numpy as np
-from scenes.making.shapes import ball, bow, box, canopy, lathe, merged, quad, sheet, tube
+from scenes.making.shapes import Shape, ball, box, canopy, lathe, merged, quad, sheet, tube
 from scenes.making.usd_stage import Stage
 
 VASES = {  # profiles (radius, y) of about 0.4 m
@@ -29,12 +29,6 @@ POT = [
     (0.125, 0.15),
     (0.12, 0.02),
 ]
-SAMOVAR = [
-    (0, 0), (0.13, 0), (0.13, 0), (0.13, 0.02), (0.13, 0.02), (0.08, 0.035), (0.05, 0.07), (0.055, 0.1), (0.11, 0.13),
-    (0.155, 0.2), (0.172, 0.3), (0.165, 0.38), (0.165, 0.38), (0.176, 0.385), (0.176, 0.4), (0.165, 0.405),
-    (0.165, 0.405),
-    (0.12, 0.44), (0.075, 0.46), (0.07, 0.52), (0.085, 0.53), (0.085, 0.55), (0.03, 0.56), (0.02, 0.6), (0, 0.61),
-]  # fmt: skip
 
 
 def crate(m: Stage, path: str, place, turn: float, fruit: str, radius: float, tilt: float = 14) -> None:
@@ -57,13 +51,11 @@ def crate(m: Stage, path: str, place, turn: float, fruit: str, radius: float, ti
                 if layer and rng.uniform() < 0.3:
                     continue
                 one = (
-                    ball(radius, 8 if radius < 0.06 else 14, 5 if radius < 0.06 else 8)
+                    ball(radius, 8 if radius < 0.06 else 14, 4 if radius < 0.06 else 7)
                     .scaled(1, rng.uniform(0.88, 1), 1)
                     .turned("x", rng.uniform(0, 180))
                 )
-                heap.append(
-                    one.turned("y", rng.uniform(0, 360)).at(x + rng.normal(0, 0.006), y, z + rng.normal(0, 0.006))
-                )
+                heap.append(one.turned("y", rng.uniform(0, 360)).at(x + rng.normal(0, 0.006), y, z + rng.normal(0, 0.006)))
     m.add(f"{path}/{fruit}", merged(heap).turned("x", tilt), fruit)
 
 
@@ -76,7 +68,7 @@ def stall(m: Stage, name: str, place, turn: float, canvas: str, cloth: str) -> N
     m.add(f"{name}/canopy", canopy(3.25, 2.05, 2.66, 2.2), canvas)
     m.add(f"{name}/table", box(2.7, 0.05, 1.15, 0, 0.82, 0.1), "pine")
     x, y = np.meshgrid(np.linspace(-1.37, 1.37, 60), np.array([0.03, 0.45, 0.875]))
-    fold = 0.69 + 0.035 * (1 - y) * np.sin(x * 17) + 0.02 * (1 - y) * np.sin(x * 39 + 1)
+    fold = 0.69 + 0.045 * (1 - y) * np.sin(x * 17 + 1.5 * np.sin(2 * x)) + 0.022 * (1 - y) * np.sin(x * 39 + 1)
     skirt = sheet(np.stack([x, y, fold], axis=-1), np.stack([x, y], axis=-1))
     z, y = np.meshgrid(np.linspace(-0.5, 0.69, 30), np.array([0.03, 0.45, 0.875]))
     left = np.stack([-1.37 + 0 * z - 0.02 * (1 - y) * np.sin(z * 19), y, z], axis=-1)
@@ -88,7 +80,7 @@ def stall(m: Stage, name: str, place, turn: float, canvas: str, cloth: str) -> N
     x, y = np.meshgrid(np.linspace(-1.4, 1.4, 30), np.array([0.25, 1.2, 2.45]))
     m.add(
         f"{name}/back",
-        sheet(np.stack([x, y, -0.8 + 0.03 * np.sin(x * 12)], axis=-1), np.stack([x, y], axis=-1)),
+        sheet(np.stack([x, y, -0.8 + 0.05 * np.sin(x * 12 + np.sin(3 * x))], axis=-1), np.stack([x, y], axis=-1)),
         "dark_cloth",
     )
 
@@ -111,6 +103,72 @@ def pan(m: Stage, path: str, place, metal: str, size: float = 1.0) -> None:
     )
     grip = tube([(0, 0.05, -0.12), (0, 0.06, -0.2), (0, 0.062, -0.34)], 0.009)
     m.add(path, merged([bowl, grip]).turned("x", 90).turned("y", 180).at(0, -0.34, 0), metal, place, size=size)
+
+
+def folded(width: float, height: float, depth: float) -> Shape:
+    """A length of cloth, folded: its front and back are round."""
+    angle = np.linspace(0, 2 * np.pi, 14)
+    c, s = np.cos(angle), np.sin(angle)
+    z, y = np.sign(c) * np.abs(c) ** 0.25 * depth / 2, (1 + np.sign(s) * np.abs(s) ** 0.7) * height / 2
+    x, y = np.meshgrid([-width / 2, width / 2], y)
+    z = np.tile(z[:, None], 2)
+    sleeve = sheet(np.stack([x, y, z], axis=-1)[::-1], np.stack([x, z], axis=-1)[::-1])
+    ends = [quad((side * width / 2, 0, side * depth / 2), (0, 0, -side * depth), (0, height, 0)) for side in (-1, 1)]
+    return merged([sleeve, *ends])
+
+
+def hanging(width: float, length: float, seed: int) -> Shape:
+    """A cloth that hangs in folds from y = 0."""
+    x, t = np.meshgrid(np.linspace(-0.5, 0.5, 11), np.linspace(1, 0, 5))
+    z = 0.035 * np.sin(x * 17 + seed) * (0.5 + 0.5 * t)
+    x, y = x * width * (0.85 + 0.15 * t), -length * t * (1 + 0.06 * np.sin(5 * x + seed))
+    return sheet(np.stack([x, y, z], axis=-1), np.stack([x, y], axis=-1))
+
+
+def braids(m: Stage) -> None:
+    """Garlic and peppers that hang from the front bars of two stalls, and price tags on the crates."""
+    rng = np.random.default_rng(61)
+    for name, spots in (("Fruit", (-1.25, -0.55, 0.2, 1.25)), ("Greens", (-1.2, -0.4, 0.45, 1.2))):
+        white, red, tags = [], [], []
+        for k, x in enumerate(spots):
+            for j in range(9):
+                a = 2.4 * j
+                y, out = 2.0 - 0.055 * j, 0.035
+                spot = x + out * np.cos(a), y, 0.84 + out * np.sin(a)
+                if (k + len(name)) % 2:
+                    white.append(ball(0.032, 7, 4).scaled(1, 1.1, 1).at(*spot))
+                else:
+                    pod = (
+                        lathe([(0, -0.1), (0.012, -0.05), (0.017, 0), (0, 0.02)], 6)
+                        .turned("z", 25 * np.cos(a))
+                        .turned("x", -25 * np.sin(a))
+                    )
+                    red.append(pod.at(*spot))
+        for k in range(4):
+            tag = box(0.13, 0.085, 0.006, 0, 0, 0).turned("x", -12).turned("y", rng.normal(0, 5))
+            tags.append(
+                tag.at(
+                    -0.98 + 0.65 * k + rng.normal(0, 0.05), 1.0 if name == "Fruit" else 1.02, 0.675 if name == "Fruit" else 0.64
+                )
+            )
+        m.add(f"{name}/garlic", merged(white), "chalk")
+        m.add(f"{name}/peppers", merged(red), "apple")
+        m.add_faceted(f"{name}/tags", merged(tags), "chalk")
+
+
+def sacks(m: Stage) -> None:
+    """Open sacks of pulses and spices before the greens."""
+    bag = [(0, 0), (0.2, 0), (0.25, 0.1), (0.24, 0.28), (0.21, 0.4), (0.235, 0.44), (0.24, 0.47), (0.2, 0.46), (0.19, 0.4)]
+    heap = [(0.21, 0.41), (0.16, 0.44), (0.08, 0.49), (0, 0.5)]
+    for k, (x, z, spice) in enumerate(
+        ((-1.15, 1.02, "gold_flag"), (-0.6, 1.08, "apple"), (-0.02, 1.0, "lime"), (1.75, 0.25, "gold_flag"))
+    ):
+        size = 1 - 0.08 * (k % 3)
+        sack = lathe(bag, 16, refine=2)
+        lean = 1 + 0.05 * np.sin(3 * np.arctan2(sack.points[:, 0], sack.points[:, 2]))[:, None] * [1, 0, 1]
+        st = sack.st * [1.4, 0.8]
+        m.add(f"Greens/Sack{k}/bag", Shape(sack.points * lean, sack.normals, st, sack.faces), "burlap", (x, 0, z), 40 * k, size)
+        m.add(f"Greens/Sack{k}/heap", lathe(heap, 16), spice, (x, 0, z), 0, size)
 
 
 def vase(m: Stage, path: str, place, kind: str, glaze: str, size: float = 1.0) -> None:
@@ -166,12 +224,31 @@ def stalls(m: Stage) -> None:
         crate(m, f"Greens/Crate{k}", (-0.98 + 0.65 * k, 0.9, 0.42), 0, fruit, radius)
     stall(m, "Cloth", (7.4, 0, -0.9), -52, "red_canvas", "dark_cloth")
     for k in range(6):
-        bale = box(0.36, 0.09, 0.7)
+        layers = [
+            folded(0.34, 0.045, 0.6 + 0.03 * (j % 3))
+            .turned("y", 5 * np.sin(9 * k + 4 * j))
+            .at(0.012 * np.sin(5 * j + k), 0.87 + 0.046 * j, 0.2)
+            for j in range(3 + 2 * (k % 3))
+        ]
         m.add(
             f"Cloth/bale{k}",
-            merged([bale.at(-0.95 + 0.39 * k, 0.87 + 0.092 * j, 0.15) for j in range(1 + k % 3)]),
+            merged(layers).at(-1.0 + 0.4 * k),
             ("blue_flag", "linen", "red_flag", "gold_flag", "green_canvas", "burlap")[k],
         )
+    for k in range(5):
+        m.add(
+            f"Cloth/shawl{k}",
+            hanging(0.42, 1.15 - 0.1 * (k % 2), k).at(-1.12 + 0.56 * k, 2.4, -0.7),
+            ("gold_flag", "red_flag", "chalk", "blue_flag", "linen")[k],
+        )
+    rolls = [
+        lathe([(0, 0), (0.07, 0), (0.07, 1.1), (0, 1.1)], 12).turned("z", 7 * (-1) ** k).at(1.62 + 0.16 * k, 0, 0.1 * k)
+        for k in range(3)
+    ]
+    for roll, material in zip(rolls, ("runner", "linen", "blue_flag"), strict=True):
+        m.add(f"Cloth/roll_{material}", roll, material)
+    braids(m)
+    sacks(m)
     for k, (x, z, size) in enumerate(((-6.3, -1.6, 1), (5.7, -1.5, 1), (6.0, -2.3, 1.15), (-2.35, -3.0, 1.1))):
         barrel = [
             (0, 0),
@@ -192,69 +269,3 @@ def stalls(m: Stage) -> None:
             for r, y in ((0.272, 0.12), (0.272, 0.64))
         ]
         m.add(f"Barrels/hoops{k}", merged(hoops), "iron", (x, 0, z), size=size)
-
-
-def hero(m: Stage) -> None:
-    """The oak table in the foreground: brushed brass and copper, glaze, a balance, fruit."""
-    m.group("Hero", (2.15, 0, 1.75), -14)
-    legs = [box(0.07, 0.72, 0.07, x, 0, z) for x in (-0.72, 0.72) for z in (-0.3, 0.3)]
-    m.add("Hero/table", merged([box(1.7, 0.045, 0.82, 0, 0.72, 0), *legs, box(1.4, 0.09, 0.03, 0, 0.63, 0.3)]), "oak")
-    m.add(
-        "Hero/runner",
-        merged([box(0.62, 0.004, 0.8, -0.42, 0.766, 0), quad((-0.73, 0.52, 0.414), (0.62, 0, 0), (0, 0.25, 0))]),
-        "runner",
-    )
-    top = 0.766
-    urn = [lathe(SAMOVAR, 44, refine=2), tube(bow((0.165, 0.33, 0), (0.165, 0.24, 0), (0.08, 0, 0)), 0.011, 8)]
-    urn += [
-        tube(bow((-0.165, 0.33, 0), (-0.165, 0.24, 0), (-0.08, 0, 0)), 0.011, 8),
-        tube([(0, 0.15, 0.12), (0, 0.15, 0.21), (0, 0.12, 0.235)], 0.013, 8),
-    ]
-    m.add("Hero/samovar", merged(urn).at(-0.42, top + 0.005, -0.05), "brass")
-    vase(m, "Hero/vase", (0.02, top, -0.16), "slim", "glaze", 1.05)
-    vase(m, "Hero/celadon", (0.64, top, -0.14), "round", "celadon", 0.95)
-    vase(m, "Hero/jar", (-0.72, top, 0.16), "jar", "oxblood", 0.6)
-    bowl = [
-        (0, 0),
-        (0.05, 0),
-        (0.05, 0),
-        (0.055, 0.015),
-        (0.12, 0.05),
-        (0.155, 0.1),
-        (0.16, 0.102),
-        (0.15, 0.1),
-        (0.11, 0.05),
-        (0, 0.02),
-    ]
-    m.add("Hero/bowl", lathe(bowl, 32, refine=2).at(-0.08, top + 0.004, 0.2), "honey")
-    spots = ((-0.06, 0.07, 0.03), (0.06, 0.075, 0.04), (0.0, 0.07, -0.07), (0.0, 0.125, 0.01))
-    lemons = [ball(0.046, 16, 10).scaled(1.2, 1, 1).turned("y", 70 * k).at(*spot) for k, spot in enumerate(spots)]
-    m.add("Hero/lemons", merged(lemons).at(-0.08, top, 0.2), "lemon")
-    m.add("Hero/melon", ball(0.13, 28, 16).turned("x", 70).at(0.66, top + 0.128, 0.2), "melon")
-    post = lathe(
-        [
-            (0, 0),
-            (0.09, 0),
-            (0.09, 0),
-            (0.09, 0.015),
-            (0.03, 0.03),
-            (0.012, 0.08),
-            (0.012, 0.36),
-            (0.02, 0.38),
-            (0, 0.4),
-        ],
-        20,
-        refine=2,
-    )
-    pans, wires = [], []
-    for side, dip in ((-1, 0.02), (1, -0.02)):
-        x, y = side * 0.2, 0.1 - dip
-        dish = lathe([(0, 0), (0.06, 0.006), (0.095, 0.028), (0.098, 0.028), (0.06, 0.009), (0, 0.003)], 28)
-        pans.append(dish.at(x, y, 0))
-        wires += [
-            tube([(x + 0.095 * np.sin(a), y + 0.028, 0.095 * np.cos(a)), (x, 0.345 - dip, 0)], 0.0012, 4)
-            for a in (0, 2.1, 4.2)
-        ]
-    beam = tube(bow((-0.2, 0.325, 0), (0.2, 0.365, 0), (0, 0.02, 0)), 0.007, 8)
-    m.add("Hero/scale", merged([post, beam, *pans]).turned("y", 20).at(0.36, top, 0.08), "steel")
-    m.add("Hero/scale_wires", merged(wires).turned("y", 20).at(0.36, top, 0.08), "wire")

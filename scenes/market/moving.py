@@ -1,4 +1,4 @@
-"""What moves, sampled at every time code of two seconds: cart, ball, pigeon, lantern, carousel, pinwheels, a sign."""
+"""What moves, sampled at every time code of four seconds: cart, ball, pigeon, lantern, carousel, pinwheels, a sign."""
 
 import numpy as np
 from scenes.making.shapes import Shape, ball, box, lathe, merged, quad, sheet, tube
@@ -27,34 +27,44 @@ def wheel(radius: float) -> Shape:
     )
 
 
+def cart_way(t: float) -> float:
+    """Metres after t seconds: 2.1 a second for two seconds, then the cart rolls out."""
+    late = min(max(t - 2, 0), 1)
+    return 2.1 * (min(t, 2) + late - late**2 / 2)
+
+
+def ball_place(t: float) -> tuple[float, float, float]:
+    """The ball bounces off the sacks after 1.9 s."""
+    late = max(t - 1.9, 0)
+    return -1.15 - 2.6 * (t - late) + 1.3 * late, 0.14 + 0.8 * np.exp(-0.6 * late) * abs(np.sin(np.pi * (t * 1.6 + 0.1))), 0.85
+
+
 def moving(m: Stage) -> None:
-    speed, radius = 2.1, 0.36
-    m.animate(m.group("Cart"), "translate", lambda t: (-2.9 + speed * t, 0, -0.15))
+    radius = 0.36
+    m.animate(m.group("Cart"), "translate", lambda t: (-2.9 + cart_way(t), 0, -0.15))
     planks = [box(1.5, 0.05, 0.8, 0, 0.42, 0), *(box(1.5, 0.2, 0.03, 0, 0.48, z) for z in (-0.385, 0.385))]
     planks += [box(0.03, 0.2, 0.74, x, 0.48, 0) for x in (-0.735, 0.735)]
     m.add("Cart/body", merged([*planks, *(box(0.75, 0.04, 0.05, -1.1, 0.45, z) for z in (-0.3, 0.3))]), "teal_paint")
     for k, (x, z) in enumerate(((-0.45, 0.46), (0.45, 0.46), (-0.45, -0.46), (0.45, -0.46))):
         hub = m.group(f"Cart/Wheel{k}", (x, radius, z))
-        m.animate(hub, "rotateZ", lambda t: -np.degrees(speed * t / radius))
+        m.animate(hub, "rotateZ", lambda t: -np.degrees(cart_way(t) / radius))
         m.add(f"Cart/Wheel{k}/wood", wheel(radius), "oak")
     rng = np.random.default_rng(120)
     spots = [(-0.5 + 0.25 * i, 0.59, -0.225 + 0.225 * j) for i in range(5) for j in range(3)] + [
         (-0.37 + 0.25 * i, 0.79, -0.11 + 0.23 * j) for i in range(4) for j in range(2)
     ]
     for k, spot in enumerate(spots):
-        m.add(f"Cart/melon{k}", ball(0.125, 18, 10).turned("x", 75), "melon", spot, int(rng.integers(360)))
+        m.add(f"Cart/melon{k}", ball(0.125, 14, 8).turned("x", 75), "melon", spot, int(rng.integers(360)))
 
     rolling = m.group("Ball")
-    m.animate(
-        rolling, "translate", lambda t: (-1.15 - 2.6 * t, 0.14 + 0.8 * abs(np.sin(np.pi * (t * 1.6 + 0.1))), 0.85)
-    )
-    m.animate(rolling, "rotateZ", lambda t: np.degrees(2.6 * t / 0.14))
+    m.animate(rolling, "translate", ball_place)
+    m.animate(rolling, "rotateZ", lambda t: -np.degrees((ball_place(t)[0] + 1.15) / 0.14))
     m.add("Ball/skin", ball(0.14, 24, 14), "ball")
 
-    m.animate(m.group("Pigeon"), "translate", lambda t: (2.1 - 4.4 * t, 1.75 + 0.7 * t, 1.2 - 0.9 * t))
-    body = lathe(
-        [(0, -0.17), (0.035, -0.13), (0.07, -0.03), (0.065, 0.06), (0.035, 0.11), (0, 0.125)], 16, refine=2
-    ).turned("z", 90)
+    m.animate(m.group("Pigeon"), "translate", lambda t: (2.1 - 4.4 * t, 1.75 + 0.7 * t, 1.2 - 0.9 * t + 0.45 * max(t - 2, 0)))
+    body = lathe([(0, -0.17), (0.035, -0.13), (0.07, -0.03), (0.065, 0.06), (0.035, 0.11), (0, 0.125)], 16, refine=2).turned(
+        "z", 90
+    )
     tail = quad((0.1, 0.0, 0.04), (0, 0, -0.08), (0.17, 0.0, 0))
     m.add("Pigeon/body", merged([body, ball(0.042, 12, 8).at(-0.14, 0.035, 0), tail]), "feather")
     for name, side in (("Left", 1), ("Right", -1)):
@@ -87,9 +97,7 @@ def moving(m: Stage) -> None:
     )
 
     m.group("Carousel", (1.0, 0, -3.1))
-    m.add(
-        "Carousel/stand", lathe([(0.3, 0), (0.3, 0.04), (0.05, 0.08), (0.03, 0.4), (0.025, 2.0), (0, 2.03)], 20), "iron"
-    )
+    m.add("Carousel/stand", lathe([(0.3, 0), (0.3, 0.04), (0.05, 0.08), (0.03, 0.4), (0.025, 2.0), (0, 2.03)], 20), "iron")
     turning = m.group("Carousel/Ring", (0, 0, 0))
     m.animate(turning, "rotateY", lambda t: -170 * t)
     circle = [(0.6 * np.sin(a), 1.9, 0.6 * np.cos(a)) for a in np.linspace(0, 2 * np.pi, 33)]
@@ -129,9 +137,7 @@ def moving(m: Stage) -> None:
 
     m.add(
         "Blade/arm",
-        merged(
-            [tube([(4.6, 3.55, -7), (4.6, 3.55, -5.9)], 0.015), tube([(4.6, 3.55, -6.25), (4.6, 3.45, -6.25)], 0.008)]
-        ),
+        merged([tube([(4.6, 3.55, -7), (4.6, 3.55, -5.9)], 0.015), tube([(4.6, 3.55, -6.25), (4.6, 3.45, -6.25)], 0.008)]),
         "iron",
     )
     m.animate(m.group("Blade/Board", (4.6, 2.9, -6.25)), "rotateY", lambda t: 230 * t)
