@@ -6,7 +6,7 @@ APT := apt-get install -y -qq --no-install-recommends
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo run; elif command -v sudo >/dev/null; then echo sudo; else echo none; fi)
 DEMO := demo
 
-.PHONY: setup demo test bench schemas lint clean
+.PHONY: setup demo test bench schemas pictures lint clean
 
 setup: $(VENV)/.installed
 	@$(call ensure,$(BIN)/framepairs doctor --json >/dev/null 2>&1,libllvm19 libatomic1)
@@ -44,6 +44,9 @@ bench: setup
 
 schemas: setup
 	$(BIN)/python -m framepairs.schemas
+
+pictures: setup
+	$(BIN)/python -m framepairs.pictures
 
 lint: setup
 	$(BIN)/ruff check --fix generator tests scenes

@@ -7,19 +7,25 @@ from pathlib import Path
 import pytest
 
 from framepairs.bundled import bundled_folder
-from framepairs.camera_path import Keyframe, Pose
+from framepairs.camera.keys import Follow, Keyframe, ObjectPoint, Pose, Shake
+from framepairs.camera.moves import Dolly, FlyThrough, Hold, Orbit, Pan
 from framepairs.channels import CHANNEL, CHANNELS
 from framepairs.cli import app
 from framepairs.manifest import CameraRecord, Constant, FileRecord, FrameEntry, SequenceRecord, StreamRecord, TableRecord
 from framepairs.overlay_elements import Background, Element, Outline
-from framepairs.scene import animation
+from framepairs.sampling.files import PathRecord, SamplingOptions
+from framepairs.scene import animation, variation_file
 from framepairs.schemas import MODELS, schema_of
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 FILES = (ROOT / "docs" / "files.md").read_text()
 NESTED = (Keyframe, Pose, SequenceRecord, Constant, TableRecord, FrameEntry, CameraRecord, StreamRecord, FileRecord)
+NESTED += (ObjectPoint, Shake, Follow, Orbit, Dolly, FlyThrough, Pan, Hold)
 NESTED += (Element, Outline, Background, animation.Keyframe, animation.ObjectTrack, animation.Shown, animation.Track)
+NESTED += (variation_file.Daylight, variation_file.EnvironmentRule, variation_file.LightRule, variation_file.Palette)
+NESTED += (variation_file.Glow, variation_file.Placement, variation_file.Absence, variation_file.Timing)
+NESTED += (SamplingOptions, PathRecord)
 
 
 def first_columns(text: str) -> list[str]:
@@ -54,6 +60,7 @@ def test_the_page_of_files_names_the_same_keys_as_the_models():
 
 def test_every_command_the_readme_shows_exists():
     known = {command.name or command.callback.__name__ for command in app.registered_commands}
+    known |= {group.name for group in app.registered_groups}
     shown = set(re.findall(r"framepairs (\w+)", README)) - {"renders"}
     assert shown <= known, shown - known
 

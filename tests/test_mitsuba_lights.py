@@ -127,6 +127,14 @@ def test_area_emitters_make_copies_of_their_material(tmp_path):
     assert (shown.emission, scene.textures[shown.emission_texture.texture].srgb) == ((1, 1, 1), True)
 
 
+@pytest.mark.parametrize(("weight", "shines"), [(0.0, False), (0.5, True)])
+def test_an_area_emitter_that_is_not_sampled_only_glows(tmp_path, weight, shines):
+    light = {"type": "area", "radiance": rgb(1, 2, 3), "sampling_weight": weight}
+    scene = read(tmp_path, b={"type": "sphere", "light": light})
+    material = scene.materials[scene.objects[0].material]
+    assert (material.emission, material.shines, scene.not_read) == ((1, 2, 3), shines, ())
+
+
 @pytest.mark.parametrize(
     ("emitter", "says"),
     [

@@ -7,7 +7,6 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "generator" / "framepairs"
 ARCHITECTURE = (PACKAGE.parents[1] / "docs" / "architecture.md").read_text()
-ALLOWED_TO_BE_LONG = {"cli": 440}  # one function per command, each a page of options
 DRJIT_FREE = {"corpus", "exr", "manifest", "channels", "conventions", "jitter", "plan", "errors", "camera_path"}
 DRJIT_FREE |= {"motion_conventions", "demodulation"}
 
@@ -52,16 +51,16 @@ def test_every_module_has_its_place_and_imports_only_from_above():
         assert not below, f"{name} imports {below}, which stand below it"
 
 
-def test_no_module_is_longer_than_300_lines_without_reason():
+def test_no_module_is_longer_than_300_lines():
     for file in PACKAGE.rglob("*.py"):
         lines = len(file.read_text().splitlines())
-        assert lines <= ALLOWED_TO_BE_LONG.get(module_name(file), 300), f"{file.name}: {lines} lines"
+        assert lines <= 300, f"{file.name}: {lines} lines"
 
 
 def test_only_the_command_line_and_its_tables_print():
     for name, tree in modules().items():
         calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
-        assert name in {"cli", "terminal"} or not calls, name
+        assert name in {"cli", "cli_corpora", "cli_scenes", "terminal"} or not calls, name
 
 
 def test_nothing_but_backend_imports_drjit_or_mitsuba():

@@ -1,139 +1,105 @@
-"""Camera paths: JSON files with keyframes or explicit poses, sampled at frame i = time i / fps.
+"""Camera paths: JSON files with keyframes, explicit poses or moves (docs/camera_paths.md), their models and their frames.
 
-Time runs in seconds. Keyframes give position and either a target or a quaternion; positions and targets follow a cubic
-through the keyframes (Catmull-Rom tangents over their real times), quaternions the shorter arc, the field of view a line.
-A keyframe with `hold` keeps the camera still for that long and, unless `animation` says 'runs', stops the scene's time
-too. A keyframe (or pose) with `cut` begins a new shot: nothing is interpolated across it.
+Times are seconds, so that a path gives equal poses at equal times whatever its frame rate. `camera_track` samples them.
 """
 
 import json
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any, Literal
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from .camera.keys import TAGS, Exposure, FieldOfView, Follow, Keyframe, Keys, Point, Pose, Positive, Rate, Shake, Shift
+from .camera.moves import MOVES, Hold, Move
 from .errors import InputError
-from .transforms import (
-    Matrix,
-    Vector,
-    look_at,
-    quaternion_from_rotation,
-    rigid,
-    rotation_from_quaternion,
-    slerp,
-)
+from .transforms import Matrix
 
 MOST_FRAMES = 10**6  # frames have names of six digits
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Point = tuple[Finite, Finite, Finite]
-Height = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Shift = tuple[Finite, Finite]
-FieldOfView = Annotated[float, Field(gt=0, lt=180)]
-Row = tuple[Finite, Finite, Finite, Finite]
+KINDS = ("keyframes", "poses", "moves")
 
 
-class Keyframe(BaseModel):
-    """One keyframe: exactly one of `look_at` and `quaternion`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    time: Finite = Field(description="seconds")
-    position: Point = Field(description="world units")
-    look_at: Point | None = Field(None, description="point in world units at the image's centre")
-    quaternion: Row | None = Field(None, description="world_from_camera rotation as w, x, y, z")
-    fov_y_deg: FieldOfView | None = Field(None, description="vertical field of view; null: the path's")
-    height: Height | None = Field(None, description="of an orthographic view, scene units; null: the path's")
-    lens_shift: Shift | None = Field(None, description="of the image, fractions of the frame; null: the path's")
-    hold: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0, description="seconds to stand still from here")
-    animation: Literal["stops", "runs"] = Field("stops", description="what the scene's time does during the hold")
-    cut: bool = Field(False, description="a new shot begins here")
-
-    @model_validator(mode="after")
-    def _one_direction(self) -> "Keyframe":
-        if (self.look_at is None) == (self.quaternion is None):
-            raise ValueError("give exactly one of look_at and quaternion")
-        if self.quaternion is not None and not any(self.quaternion):
-            raise ValueError("quaternion has length zero")
-        if self.look_at == self.position:
-            raise ValueError("look_at is the position itself")
-        return self
-
-
-class Pose(BaseModel):
-    """One explicit pose."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    time: Finite = Field(description="seconds")
-    world_from_camera: tuple[Row, Row, Row, Row] = Field(description="rigid 4x4 matrix, row major")
-    fov_y_deg: FieldOfView | None = Field(None, description="vertical field of view; null: the path's")
-    height: Height | None = Field(None, description="of an orthographic view, scene units; null: the path's")
-    lens_shift: Shift | None = Field(None, description="of the image, fractions of the frame; null: the path's")
-    cut: bool = Field(False, description="a new shot begins here")
-
-    @model_validator(mode="after")
-    def _rigid(self) -> "Pose":
-        matrix = np.array(self.world_from_camera)
-        rotation = matrix[:3, :3]
-        if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-            raise ValueError("world_from_camera is not a rotation and translation")
-        if not np.array_equal(matrix[3], [0, 0, 0, 1]):
-            raise ValueError("the last row of world_from_camera is not 0 0 0 1")
-        return self
-
-
-class CameraPath(BaseModel):
-    """A camera path file: `keyframes` or `poses`. Unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class CameraPath(Keys):
+    """A camera path file: exactly one of `keyframes`, `poses` and `moves`. Unknown keys are refused."""
 
     version: Literal[1]
-    fps: Annotated[float, Field(gt=0, le=1000)] = Field(24, description="frames per second")
-    fov_y_deg: FieldOfView = Field(45, description="vertical field of view, degrees")
+    fps: Rate = Field(24, description="frames per second")
+    fov_y_deg: FieldOfView | None = Field(None, description="vertical field of view, degrees; 45 without focal_length_mm")
+    focal_length_mm: Positive | None = Field(None, description="focal length in millimetres, instead of fov_y_deg")
+    sensor_height_mm: Positive = Field(24, description="what focal lengths refer to")
     projection: Literal["perspective", "orthographic"] = Field("perspective", description="kind of the camera")
-    height: Height | None = Field(None, description="of an orthographic view, scene units")
+    height: Positive | None = Field(None, description="of an orthographic view, scene units")
     lens_shift: Shift = Field((0, 0), description="of the image, fractions of the frame, x right, y down")
-    near: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
-        None, description="near plane, scene units; null: 1/1000 of the scene's diagonal"
-    )
-    far: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
-        None, description="far plane, scene units; null: 100 times the scene's diagonal"
-    )
-    exposure_ev: Annotated[float, Field(ge=-32, le=32)] = Field(0, description="display = colour * 2^exposure_ev")
-    up: Point | None = Field(None, description="up for look_at; null: the scene's up axis")
+    near: Positive | None = Field(None, description="near plane, scene units; null: 1/1000 of the scene's diagonal")
+    far: Positive | None = Field(None, description="far plane, scene units; null: 100 times the scene's diagonal")
+    exposure_ev: Exposure = Field(0, description="display = colour * 2^exposure_ev")
+    up: Point | None = Field(None, description="up for level cameras; null: the scene's up axis")
+    shake: Shake | None = Field(None, description="seeded noise of place and direction")
+    follow: Follow | None = Field(None, description="a damped spring towards an object gives the place; with keyframes")
     keyframes: tuple[Keyframe, ...] = Field((), description="in order of time")
     poses: tuple[Pose, ...] = Field((), description="in order of time")
+    moves: tuple[Move, ...] = Field((), description="one after another")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_lens(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("fov_y_deg") is None and values.get("focal_length_mm") is None:
+            return {**values, "fov_y_deg": 45}
+        return values
 
     @model_validator(mode="after")
     def _consistent(self) -> "CameraPath":
-        if bool(self.keyframes) == bool(self.poses):
-            raise ValueError("give either keyframes or poses")
-        stops = self.keyframes or self.poses
-        kind = "keyframes" if self.keyframes else "poses"
-        for index, (a, b) in enumerate(zip(stops, stops[1:], strict=False), start=1):
-            if b.time == a.time:
-                raise ValueError(f"{kind}.{index}: two {kind} at time {b.time:g}")
-            if b.time < a.time + getattr(a, "hold", 0):
-                raise ValueError(f"{kind}.{index}: time {b.time:g} lies before the end of what precedes it")
-        if stops[0].time != 0:
-            raise ValueError(f"{kind}.0: the first time must be 0, not {stops[0].time:g}")
-        if (stops[-1].time + getattr(stops[-1], "hold", 0)) * self.fps >= MOST_FRAMES:
-            raise ValueError(f"{kind}: more than {MOST_FRAMES} frames")
-        heights = [stop.height or self.height for stop in stops]
-        if self.projection == "orthographic" and not all(heights):
-            raise ValueError("an orthographic path needs a height")
-        if self.projection == "perspective" and any(heights):
-            raise ValueError("height is of orthographic paths")
+        kinds = [kind for kind in KINDS if getattr(self, kind)]
+        if len(kinds) != 1:
+            raise ValueError("give either keyframes or poses or moves")
+        if self.fov_y_deg is not None and self.focal_length_mm is not None:
+            raise ValueError("give one of fov_y_deg and focal_length_mm")
+        if self.keyframes:
+            _check_keyframes(self)
+        if not self.moves:
+            _check_times(kinds[0], self.keyframes or self.poses)
+        elif isinstance(self.moves[0], Hold):
+            raise ValueError("moves.0: a hold keeps the last view, and there is none")
+        if self.follow is not None and not self.keyframes:
+            raise ValueError("follow: is of paths with keyframes")
+        if sum(count for _, _, count in _runs(self)) > MOST_FRAMES:
+            raise ValueError(f"{kinds[0]}: more than {MOST_FRAMES} frames")
+        _check_lens(self, [stop.height for stop in self.keyframes or self.poses or self.moves])
         if self.near and self.far and self.far <= self.near:
             raise ValueError("far must be greater than near")
         if self.up is not None and not any(self.up):
             raise ValueError("up has length zero")
         return self
+
+
+def _check_keyframes(path: CameraPath) -> None:
+    for index, key in enumerate(path.keyframes):
+        if path.follow is None and key.position is None:
+            raise ValueError(f"keyframes.{index}.position: is missing")
+        if path.follow is None and key.look_at is None and key.quaternion is None:
+            raise ValueError(f"keyframes.{index}: give exactly one of look_at and quaternion")
+        if path.follow is not None and (key.position is not None or key.speed is not None):
+            raise ValueError(f"keyframes.{index}: position and speed come from follow")
+        if path.follow is not None and key.hold and key.animation == "runs":
+            raise ValueError(f"keyframes.{index}.animation: cannot run in a hold of a camera that follows")
+
+
+def _check_times(kind: str, stops: tuple[Keyframe, ...] | tuple[Pose, ...]) -> None:
+    for index, (a, b) in enumerate(zip(stops, stops[1:], strict=False), start=1):
+        if b.time == a.time:
+            raise ValueError(f"{kind}.{index}: two {kind} at time {b.time:g}")
+        if b.time < a.time + getattr(a, "hold", 0):
+            raise ValueError(f"{kind}.{index}: time {b.time:g} lies before the end of what precedes it")
+    if stops[0].time != 0:
+        raise ValueError(f"{kind}.0: the first time must be 0, not {stops[0].time:g}")
+
+
+def _check_lens(path: CameraPath, heights: list[float | None]) -> None:
+    if path.projection == "orthographic" and path.height is None and not all(heights):
+        raise ValueError("an orthographic path needs a height")
+    if path.projection == "perspective" and (path.height is not None or any(heights)):
+        raise ValueError("height is of orthographic paths")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +108,7 @@ class CameraSample:
 
     world_from_camera: [4, 4] float64. fov_y: radians. height: of an orthographic view, scene units, None for a pinhole.
     shift: of the image, fractions of the frame. shot: index of the shot, counted from 0. scene_time_s: time of the scene's
-    animation, which holds may have stopped.
+    animation, which holds may have stopped. exposure_ev: display = colour * 2^exposure_ev.
     """
 
     world_from_camera: Matrix
@@ -151,6 +117,7 @@ class CameraSample:
     scene_time_s: float
     height: float | None = None
     shift: tuple[float, float] = (0.0, 0.0)
+    exposure_ev: float = 0.0
 
 
 def read_camera_path(file: Path) -> CameraPath:
@@ -170,128 +137,60 @@ def make_camera_path(values: object, *, file: Path | str = "camera path") -> Cam
         return CameraPath.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or None
+        of_move = first["loc"][:1] == ("moves",)
+        parts = [part for k, part in enumerate(first["loc"]) if part not in TAGS and not (of_move and k == 2 and part in MOVES)]
+        field = ".".join(str(part) for part in parts) or None
         raise InputError(f"{first['msg'].removeprefix('Value error, ')}", file=file, field=field) from None
 
 
-def frame_count(path: CameraPath) -> int:
-    """Frames of the path: i / fps for every i up to the end, the end included."""
-    stops = path.keyframes or path.poses
-    end = stops[-1].time + getattr(stops[-1], "hold", 0)
-    return math.floor(end * path.fps + 1e-6) + 1
+def move_times(path: CameraPath) -> list[float]:
+    """Begin of each move, and the end of the last, seconds."""
+    times = [0.0]
+    for move in path.moves:
+        times.append(times[-1] + move.seconds)
+    return times
 
 
-def sample(path: CameraPath, time: float, scene_up: Vector) -> CameraSample:
-    """The camera at `time` seconds; before the first and after the last stop it stands still."""
-    stops = path.keyframes or path.poses
-    slack = _slack(time)
-    index = max(bisect_right(stops, time + slack, key=lambda stop: stop.time) - 1, 0)
-    stop = stops[index]
-    following = stops[index + 1] if index + 1 < len(stops) and not stops[index + 1].cut else None
-    leaves = stop.time + getattr(stop, "hold", 0)
-    t = 0.0
-    if following is not None and following.time > leaves and time > leaves + slack:
-        t = min(max((time - leaves) / (following.time - leaves), 0.0), 1.0)
-    lenses = [_lens(path, s) for s in (stop, following or stop)]
-    fov_y, height, *shift = (a + t * (b - a) for a, b in zip(*lenses, strict=True))
-    up = np.array(path.up, dtype=float) if path.up else scene_up
-    if isinstance(stop, Pose):
-        matrix = _between_poses(stop, following or stop, t)
-    else:
-        matrix = _between_keyframes(path, index, following is not None, t, up)
-    return CameraSample(
-        world_from_camera=matrix,
-        fov_y=fov_y,
-        shot=sum(s.cut for s in stops[1 : index + 1]),
-        scene_time_s=_scene_time(path, time),
-        height=height if path.projection == "orthographic" else None,
-        shift=tuple(shift),
-    )
+def end_of(path: CameraPath) -> float:
+    """Seconds from the begin of the path to its end."""
+    if path.moves:
+        return move_times(path)[-1]
+    last = (path.keyframes or path.poses)[-1]
+    return last.time + getattr(last, "hold", 0)
 
 
-def _lens(path: CameraPath, stop: Keyframe | Pose) -> tuple[float, float, float, float]:
-    """fov_y in radians, height (0 for a perspective path), shift in x and y."""
-    shift = stop.lens_shift or path.lens_shift
-    return math.radians(stop.fov_y_deg or path.fov_y_deg), stop.height or path.height or 0.0, *shift
+def with_fps(path: CameraPath, fps: float) -> CameraPath:
+    """The path at one frame rate all along: the same poses at the same times. Raises InputError for a rate that is none."""
+    values = path.model_dump(mode="json")
+    for kind in KINDS:
+        values[kind] = [{**stop, "fps": None} for stop in values[kind]]
+    return make_camera_path({**values, "fps": fps})
 
 
-def _slack(time: float) -> float:
-    """A frame's time i / fps and a stop's decimal time may differ in the last digits: so near, they are the same."""
-    return 1e-9 * max(1.0, abs(time))
+def frame_times(path: CameraPath) -> tuple[float, ...]:
+    """Times of the frames, seconds: begin + i / fps from each place on where `fps` is given; the path's end included."""
+    return tuple(begin + i / fps for begin, fps, count in _runs(path) for i in range(count))
 
 
-def _between_poses(a: Pose, b: Pose, t: float) -> Matrix:
-    first, second = np.array(a.world_from_camera), np.array(b.world_from_camera)
-    if t == 0 or np.array_equal(first, second):  # a camera that stands still does so to the last bit
-        return first
-    quaternions = [quaternion_from_rotation(matrix[:3, :3]) for matrix in (first, second)]
-    rotation = rotation_from_quaternion(slerp(*quaternions, t))
-    return rigid(rotation, (1 - t) * first[:3, 3] + t * second[:3, 3])
+def frame_durations(path: CameraPath) -> tuple[float, ...]:
+    """Seconds since the frame before, one for each frame; the first one's is 1 / fps."""
+    durations: list[float] = []
+    last = None
+    for begin, fps, count in _runs(path):
+        durations.append(1 / fps if last is None else begin - last)
+        durations.extend([1 / fps] * (count - 1))
+        last = begin + (count - 1) / fps
+    return tuple(durations)
 
 
-def _between_keyframes(path: CameraPath, index: int, moves: bool, t: float, up: Vector) -> Matrix:
-    first, last = _shot_of(path, index)
-    shot = path.keyframes[first : last + 1]
-    a = path.keyframes[index]
-    b = path.keyframes[index + 1] if moves else a
-    position = _cubic([k.position for k in shot], shot, index - first, t)
-    targets = [k.look_at for k in shot if k.look_at is not None]
-    if len(targets) == len(shot):
-        target = _cubic(targets, shot, index - first, t)
-        try:
-            return look_at(position, target, up)
-        except ValueError as error:
-            problem = f"{error} on the way to the next keyframe"
-            raise InputError(problem, file="camera path", field=f"keyframes.{index}") from None
-    rotation = rotation_from_quaternion(slerp(_orientation(a, up), _orientation(b, up), t))
-    return rigid(rotation, position)
-
-
-def _orientation(keyframe: Keyframe, up: Vector) -> np.ndarray:
-    if keyframe.quaternion is not None:
-        quaternion = np.array(keyframe.quaternion)
-        return quaternion / np.linalg.norm(quaternion)
-    return quaternion_from_rotation(look_at(np.array(keyframe.position), np.array(keyframe.look_at), up)[:3, :3])
-
-
-def _shot_of(path: CameraPath, index: int) -> tuple[int, int]:
-    """First and last keyframe of the shot that keyframe `index` belongs to."""
-    begins = [i for i, keyframe in enumerate(path.keyframes) if i == 0 or keyframe.cut]
-    first = max(i for i in begins if i <= index)
-    last = min((i - 1 for i in begins if i > index), default=len(path.keyframes) - 1)
-    return first, last
-
-
-def _cubic(points: list[Point], shot: tuple[Keyframe, ...], index: int, t: float) -> Vector:
-    """Cubic Hermite between point `index` and the next at `t`; a keyframe that holds is left and reached at rest."""
-    values = np.array(points, dtype=float)
-    if t == 0 or index + 1 >= len(points):
-        return values[index]
-    width = shot[index + 1].time - shot[index].time - shot[index].hold
-    start, end = (_velocity(values, shot, i) * width for i in (index, index + 1))
-    a, b = values[index], values[index + 1]
-    return (
-        a + t * t * (3 - 2 * t) * (b - a) + t * (1 - t) * ((1 - t) * start - t * end)  # exact where a = b and at rest
-    )
-
-
-def _velocity(values: np.ndarray, shot: tuple[Keyframe, ...], index: int) -> Vector:
-    if shot[index].hold > 0:
-        return np.zeros(3)
-    before, after = max(index - 1, 0), min(index + 1, len(shot) - 1)
-    seconds = shot[after].time - shot[before].time - shot[before].hold
-    return (values[after] - values[before]) / seconds
-
-
-def _scene_time(path: CameraPath, time: float) -> float:
-    """Time of the animation: constant, to the last bit, while a hold stops it."""
-    stopped, slack = 0.0, _slack(time)
-    for keyframe in path.keyframes:
-        if time < keyframe.time - slack:
-            break
-        if keyframe.animation != "stops" or keyframe.hold == 0:
-            continue
-        if time <= keyframe.time + keyframe.hold + slack:
-            return keyframe.time - stopped
-        stopped += keyframe.hold
-    return time - stopped
+def _runs(path: CameraPath) -> list[tuple[float, float, int]]:
+    """(begin in seconds, frames per second, frames) of each part of one frame rate."""
+    stops = path.keyframes or path.poses or path.moves
+    begins = move_times(path)[:-1] if path.moves else [stop.time for stop in stops]
+    rates = [(begin, stop.fps) for begin, stop in zip(begins, stops, strict=True) if stop.fps is not None]
+    if not rates or rates[0][0] > 0:
+        rates.insert(0, (0.0, path.fps))
+    ends = [begin for begin, _ in rates[1:]]
+    runs = [(begin, fps, max(math.ceil((end - begin) * fps - 1e-6), 1)) for (begin, fps), end in zip(rates, ends, strict=False)]
+    begin, fps = rates[-1]
+    return [*runs, (begin, fps, math.floor((end_of(path) - begin) * fps + 1e-6) + 1)]

@@ -4,26 +4,37 @@ machine cannot, 2 bad input, 130 interrupted."""
 import json
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from . import __version__
-from .bundled import camera_path_names, find_camera_path, find_scene, scene_names
-from .errors import CheckFailed, FramepairsError, InputError, MachineError
-from .terminal import error_console, out_console, print_description, print_rows, print_table, print_upscaled, progress
+from . import __version__, cli_corpora, cli_scenes
+from .bundled import find_scene
+from .cli_options import (
+    AllowOutside,
+    Backend,
+    Clip,
+    CorpusFolder,
+    EnvironmentFile,
+    Json,
+    Quiet,
+    Settings,
+    Vary,
+    activate_backend,
+)  # fmt: skip
+from .errors import FramepairsError, InputError, MachineError
+from .terminal import error_console, out_console, print_table, progress
 
 app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, help=__doc__)
 
-Json = Annotated[bool, typer.Option("--json", help="print JSON for machines")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no summary")]
-Backend = Annotated[str, typer.Option(help="auto, llvm or cuda")]
-Clip = Annotated[str | None, typer.Option(help="animation clip of a glTF file; default: the first")]
-EnvironmentFile = Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")]
-AllowOutside = Annotated[bool, typer.Option("--allow-outside", help="the scene may read files outside its own folder")]
-CorpusFolder = Annotated[Path, typer.Argument(metavar="CORPUS", help="folder of a corpus")]
+
+for command in (cli_scenes.scenes, cli_scenes.describe):
+    app.command()(command)
+app.add_typer(cli_scenes.cameras, name="cameras")
+for command in (cli_corpora.validate, cli_corpora.warp, cli_corpora.upscale, cli_corpora.preview):
+    app.command()(command)
 
 
 def main() -> None:
@@ -81,28 +92,14 @@ def doctor(json_: Json = False) -> None:
 
 
 @app.command()
-def scenes(json_: Json = False) -> None:
-    """List the bundled scenes."""
-    rows = [(name, str(find_scene(name))) for name in scene_names()]
-    print_rows(["scene", "file"], rows, json_)
-
-
-@app.command()
-def cameras(json_: Json = False) -> None:
-    """List the bundled camera paths."""
-    from .camera_path import frame_count, read_camera_path
-
-    paths = {name: read_camera_path(find_camera_path(name)) for name in camera_path_names()}
-    rows = [(name, frame_count(path), path.fps) for name, path in paths.items()]
-    print_rows(["camera path", "frames", "fps"], rows, json_)
-
-
-@app.command()
 def render(
     scene: Annotated[str, typer.Argument(help="bundled name, or .usd* .gltf .glb .xml .obj .ply .stl .off file")],
     camera: Annotated[
-        str | None, typer.Option(help="bundled name, JSON file, or a camera of the scene; default: the scene's, or an orbit")
+        str | None,
+        typer.Option(help="bundled name, JSON file, a camera of the scene, or a folder of sampled ones; default: the scene's"),
     ] = None,
+    split: Annotated[str | None, typer.Option(help="train, val or test: of a folder of sampled camera paths")] = None,
+    fps: Annotated[float | None, typer.Option(help="frames per second, instead of the path's own")] = None,
     scale: Annotated[list[float] | None, typer.Option(help="scale factor of LR streams, repeatable")] = None,
     display: Annotated[str | None, typer.Option(help="HR size, as 1920x1080")] = None,
     frames: Annotated[str | None, typer.Option(help="first:end, as 0:32; default: the whole path")] = None,
@@ -115,8 +112,9 @@ def render(
     environment: EnvironmentFile = None,
     clip: Clip = None,
     overlay: Annotated[
-        str | None, typer.Option(help="JSON file of texts and images over the frames, or none; default: the one beside the scene")
+        str | None, typer.Option(help="JSON file of texts and images over the frames, or none; default: beside the scene")
     ] = None,
+    vary: Vary = None,
     plan: Annotated[Path | None, typer.Option(help="render plan as JSON; options go over it")] = None,
     settings: Settings = None,
     allow_outside: AllowOutside = False,
@@ -126,18 +124,23 @@ def render(
     json_: Json = False,
 ) -> None:
     """Render a scene along a camera path into a corpus; an interrupted render resumes."""
-    from .options import frame_range, make_job, plan_options
+    from .options import frame_range, make_job, plan_options, sampled_jobs
     from .plan import make_plan, read_plan
 
     values = read_plan(plan) if plan else {}
     values |= plan_options(scale, display, shading, aa, spp, seed, streams, channels, settings)
     resolved = make_plan(values, file=plan or "options")
     scene_file = find_scene(scene)
-    _activate(backend)
+    activate_backend(backend)
     default = Path(f"{scene_file.stem}-corpus")
-    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay}
-    job = make_job(scene, scene_file, camera, resolved, out or default, **given)
-    _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
+    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay, "vary": vary}
+    make = partial(make_job, scene, scene_file, plan=resolved, out=out or default, fps=fps, **given)
+    folder = Path(camera) if camera is not None and Path(camera).is_dir() else None
+    if split is not None and folder is None:
+        raise InputError("needs --camera with a folder of sampled paths", field="split")
+    jobs = [make(camera)] if folder is None else sampled_jobs(folder, split, fps, make)
+    for job in jobs:
+        _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
 
 
 @app.command()
@@ -161,172 +164,13 @@ def regenerate(
     kept = () if out else tuple(plan.scales)
     scales = kept + tuple(value for value in scale if value not in kept)
     resolved = make_plan(plan.model_dump() | {"scales": scales}, file="options")
-    _activate(backend)
+    activate_backend(backend)
     jobs = [stored_job(opened.sequence(name), scene, resolved, out or corpus, allow_outside) for name in opened.sequences]
     if scene is not None and not any(moved for _, moved in jobs):
         raise InputError("is no scene of this corpus (sha256 differs)", file=scene)
     for (job, _), name in zip(jobs, opened.sequences, strict=True):
         frames = opened.frames(name) or range(opened.sequence(name).frames)
         _render(job, frames, quiet=quiet, json_=json_, add_streams=out is None)
-
-
-@app.command()
-def describe(
-    scene: Annotated[str, typer.Argument(help="bundled name or scene file")],
-    camera: Annotated[str | None, typer.Option(help="bundled name, JSON file, or a camera of the scene")] = None,
-    clip: Clip = None,
-    environment: EnvironmentFile = None,
-    display: Annotated[str | None, typer.Option(help="HR size, as 1920x1080")] = None,
-    settings: Settings = None,
-    measure: Annotated[bool, typer.Option(help="measure what leaving out saves (renders a frame)")] = True,
-    allow_outside: AllowOutside = False,
-    json_: Json = False,
-) -> None:
-    """Say what a scene holds, which channels it needs and why, what leaving the others out saves, and what is not read."""
-    from dataclasses import asdict
-
-    from .options import make_job, plan_options
-    from .plan import make_plan
-    from .scene_report import facts, rows
-
-    plan = make_plan(plan_options(display=display, settings=settings), file="options")
-    given = {"environment": environment, "clip": clip, "allow_outside": allow_outside}
-    job = make_job(scene, find_scene(scene), camera, plan, Path(), **given)
-    found, channels = facts(job.scene, job.environment, job.path_name), rows(job, measured=measure)
-    if json_:
-        print(json.dumps(found | {"channels": {row.name: asdict(row) for row in channels}}, indent=1))
-    else:
-        print_description(job.scene, found, channels)
-
-
-@app.command()
-def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) -> None:
-    """Check a corpus; exit code 1 where a check fails."""
-    from dataclasses import asdict
-
-    from .corpus import Corpus
-    from .validate import validate_corpus
-
-    opened = Corpus(corpus)
-    total = sum(len(opened.frames(name)) for name in opened.sequences)
-    with progress(quiet or json_) as bar:
-        task = bar.add_task("validating", total=total)
-        results = validate_corpus(opened, on_frame=lambda *_: bar.advance(task))
-    failed = [result for result in results if result.verdict == "fail"]
-    if json_:
-        print(json.dumps([asdict(result) for result in results], indent=1))
-    elif not quiet:
-        rows = [(r.id, r.verdict, "" if r.figure is None else f"{r.figure:.6g}", r.proves) for r in results]
-        print_table(f"validate {corpus}", ["check", "verdict", "worst", "proves"], rows)
-    if failed:
-        where = f": {failed[0].worst[0]}" if failed[0].worst else ""
-        raise CheckFailed(f"{corpus}: failed {', '.join(result.id for result in failed)}{where}")
-
-
-@app.command()
-def warp(
-    corpus: CorpusFolder,
-    stream: Annotated[list[str] | None, typer.Option(help="stream, repeatable; default: all")] = None,
-    out: Annotated[Path | None, typer.Option(help="write pictures of the worst frames there")] = None,
-    json_: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Warp each frame's predecessor along motion: the worst frame's share of ids, positions, albedo and normals that agree."""
-    from .consistency import sequence_consistency, summarise_sequence
-    from .corpus import Corpus
-    from .preview import write_consistency
-
-    opened, rows = Corpus(corpus), []
-    with progress(quiet or json_) as bar:
-        task = bar.add_task("warping", total=sum(len(opened.streams(name)) for name in opened.sequences))
-        for sequence in opened.sequences:
-            for name in stream or opened.streams(sequence):
-                results = list(sequence_consistency(opened, sequence, name))
-                rows += [{"sequence": sequence, "stream": name, **row} for row in summarise_sequence(results)]
-                if out is not None:
-                    write_consistency(opened, sequence, name, results, out)
-                bar.advance(task)
-    if json_:
-        print(json.dumps(rows, indent=1))
-    elif not quiet:
-        for place in dict.fromkeys((row["sequence"], row["stream"]) for row in rows):
-            shown = [list(row.values())[2:] for row in rows if (row["sequence"], row["stream"]) == place]
-            shown = [[value if isinstance(value, (str, int)) else f"{value:.4g}" for value in row] for row in shown]
-            print_table(f"{' '.join(place)}: worst frames", list(rows[0])[2:], shown)
-
-
-@app.command()
-def upscale(
-    corpus: CorpusFolder,
-    method: Annotated[list[str] | None, typer.Option(help="nearest, bilinear, bicubic or accumulate, repeatable")] = None,
-    stream: Annotated[list[str] | None, typer.Option(help="LR stream, repeatable; default: all")] = None,
-    truth: Annotated[str, typer.Option(help="stream to measure against: hr, hr_mip0 or hr_native")] = "hr",
-    out: Annotated[Path | None, typer.Option(help="write the upscaled frames there as PNG")] = None,
-    json_: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Bring LR streams back to the display's size and measure them against the truth (display transform aces_srgb)."""
-    from .corpus import Corpus
-    from .manifest import make_folder
-    from .upscale import METHODS, summarise
-
-    opened = Corpus(corpus)
-    if out is not None:
-        make_folder(out)
-    unknown = [name for name in method or () if name not in METHODS]
-    if unknown:
-        raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
-    rows = []
-    with progress(quiet or json_) as bar:
-        task = bar.add_task("upscaling", total=sum(len(opened.frames(name)) for name in opened.sequences))
-        for sequence in opened.sequences:
-            lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
-            unknown = [name for name in stream or () if name not in lr]
-            if unknown:
-                raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
-            if truth not in opened.streams(sequence):
-                raise InputError(f"no stream {truth!r}; there are {', '.join(opened.streams(sequence))}", file=corpus)
-            pairs = [(name, chosen) for name in (stream or lr) for chosen in (method or METHODS)]
-            rows += summarise(opened, sequence, pairs, out, on_frame=lambda: bar.advance(task), truth_stream=truth)
-    if json_:
-        print(json.dumps(rows, indent=1))
-    elif not quiet:
-        for sequence in opened.sequences:
-            print_upscaled(sequence, [row for row in rows if row["sequence"] == sequence])
-
-
-@app.command()
-def preview(
-    target: Annotated[str, typer.Argument(metavar="CORPUS|SCENE", help="folder of a corpus; with --compare, a scene")],
-    compare: Annotated[tuple[str, str] | None, typer.Option(help="two shading modes, as: raster path")] = None,
-    display: Annotated[str | None, typer.Option(help="size, as 640x360 (--compare)")] = None,
-    frames: Annotated[str | None, typer.Option(help="first:end (--compare); default: first, middle and last")] = None,
-    spp: Annotated[int | None, typer.Option(help="light paths per pixel (--compare)")] = None,
-    camera: Annotated[str | None, typer.Option(help="bundled name or JSON file (--compare)")] = None,
-    settings: Annotated[list[str] | None, typer.Option("--set", help="key=value of the plan, repeatable (--compare)")] = None,
-    out: Annotated[Path | None, typer.Option(help="folder; default: CORPUS-preview beside the corpus")] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Write PNG contact sheets of a corpus (every channel, every stream), or a scene in two shading modes side by side."""
-    from .corpus import Corpus
-    from .manifest import make_folder
-    from .preview import write_previews
-
-    if compare is not None:
-        values = {"display": display or "640x360", "spp": spp, "settings": settings}
-        _compare(target, camera, compare, frames, values, out or Path(f"{Path(target).stem}-preview"), quiet)
-        return
-    given = {"display": display, "frames": frames, "spp": spp, "camera": camera, "set": settings}
-    if any(given.values()):
-        raise InputError("needs --compare", field=next(name for name, value in given.items() if value))
-    corpus = Path(target)
-    opened = Corpus(corpus)
-    if out is not None:
-        make_folder(out)
-    folder = out or corpus.with_name(f"{corpus.resolve().name}-preview")
-    for file in write_previews(opened, folder):
-        if not quiet:
-            print(file)
 
 
 @app.command()
@@ -361,36 +205,6 @@ def brdf(
 def version() -> None:
     """Print the version."""
     print(__version__)
-
-
-def _compare(target: str, camera, modes: tuple[str, str], frames, values: dict, out: Path, quiet: bool) -> None:
-    from .comparison import compare_modes, write_comparison
-    from .frame import Shoot
-    from .options import camera_path_of, frame_range, plan_options
-    from .plan import make_plan
-    from .scene import light_scene, load_scene
-
-    plan = make_plan(plan_options(**values), file="options")
-    for mode in modes:
-        make_plan({"shading": mode}, file="compare")
-    scene, _ = light_scene(load_scene(find_scene(target)), None)
-    path, _ = camera_path_of(target, camera, scene)
-    count = len(Shoot(scene, path, 1.0))
-    chosen = sorted({0, count // 2, count - 1}) if frames is None else list(frame_range(frames, count))
-    compared = compare_modes(scene, path, plan, modes, chosen)
-    file = write_comparison(compared, modes, out / f"{scene.name}_{modes[0]}_{modes[1]}.png")
-    if not quiet:
-        rows = [(item.frame, f"{item.psnr:.2f}", f"{item.mean_ratio:.3f}") for item in compared]
-        print_table(f"{modes[1]} against {modes[0]}", ["frame", "PSNR", "mean radiance ratio"], rows)
-        print(file)
-
-
-def _activate(backend: str) -> None:
-    if backend not in ("auto", "llvm", "cuda"):
-        raise InputError(f"must be auto, llvm or cuda, not {backend!r}", field="backend")
-    from .backend import activate
-
-    activate(backend)
 
 
 def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams: bool) -> None:

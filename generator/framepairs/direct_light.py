@@ -10,7 +10,7 @@ from .backend import dr, mi
 from .brdf import evaluate, sample_specular, specular_density
 from .gbuffer import GBuffer, first_solid
 from .geometry import Pose
-from .lights import SHORT_OF_LIGHT, Lights, light_along, mesh_behind, sample_light
+from .lights import SHORT_OF_LIGHT, Lights, LightSample, light_along, mesh_behind, sample_light
 from .materials import is_blended
 from .mesh_lights import emission_at, mesh_light_density
 from .shading import Shading, is_above, is_shadowed, lifted_from
@@ -32,20 +32,31 @@ def direct_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer) 
     return total
 
 
+@dr.syntax
 def _from_point(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, point: mi.Vector4f) -> mi.Color3f:
+    """A branch and no select: where no pixel of a packet is lit (outside a spot's cone), neither BRDF nor ray are computed."""
     index, place = mi.UInt32(point.x), mi.Point2f(point.y, point.z)
     valid = sample.hit.valid
     light = sample_light(lights, shading.geometry, shading.materials, pose, index, sample.position, place, valid)
-    weight = point.w / dr.select(light.density > 0, light.density, 1)
+    lit = valid & (light.density > 0) & is_above(sample, light.towards) & (dr.max(light.radiance) > 0)
+    value = mi.Color3f(0)
+    if dr.hint(lit, exclude=[shading, lights, pose, sample, light, index, point]):
+        value = _unshadowed(shading, lights, sample, light, index, point.w)
+        ray = lifted_from(sample, light.towards)
+        ray.maxt = light.distance * SHORT_OF_LIGHT
+        value = dr.select(is_shadowed(shading, pose, ray, lit), 0, value)
+    return value
+
+
+def _unshadowed(
+    shading: Shading, lights: Lights, sample: GBuffer, light: LightSample, index: mi.UInt32, share: mi.Float
+) -> mi.Color3f:
+    weight = share / dr.select(light.density > 0, light.density, 1)
     if lights.have_extent:
         lobe = specular_density(shading.brdf.model, sample.surface.roughness, sample.normal, sample.view, light.towards)
         rivals = light.extent & ~_is_passed_through(shading, lights, index)
         weight *= dr.select(rivals, light.density / dr.maximum(light.density + lobe, 1e-30), 1)
-    value = _reflected(shading, sample, light.towards) * light.radiance * weight
-    ray = lifted_from(sample, light.towards)
-    ray.maxt = light.distance * SHORT_OF_LIGHT
-    lit = valid & (light.density > 0) & is_above(sample, light.towards)
-    return dr.select(lit & ~is_shadowed(shading, pose, ray, lit), value, 0)
+    return _reflected(shading, sample, light.towards) * light.radiance * weight
 
 
 def _is_passed_through(shading: Shading, lights: Lights, index: mi.UInt32) -> mi.Bool:

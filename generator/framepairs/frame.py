@@ -11,7 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera_path import MOST_FRAMES, CameraPath, CameraSample, frame_count, make_camera_path, sample
+from .camera.places import object_places
+from .camera.track import prepare_track, sample
+from .camera_path import MOST_FRAMES, CameraPath, CameraSample, frame_durations, frame_times, make_camera_path
 from .errors import InputError
 from .scene.description import Deformed, Light, Material, SceneCamera, SceneDescription, rotation_from_y_up, scene_bounds
 from .transforms import Matrix, Vector, clip_from_view, look_at, orthographic_clip_from_view
@@ -65,6 +67,7 @@ class OtherTime:
 class FrameState:
     """One frame. On a reset (frame 0 of the path, or the first after a cut) the previous state equals the current.
 
+    time_s: seconds of the path. frame_time_ms: since the frame before, of the first frame 1000 / fps.
     objects, previous_objects: where they are, which are drawn, and the vertices of those that deform. others: by frame
     offset, what further motion leads to. lights, materials: as they are in this frame. render_origin: [3],
     the point that the passes take as (0, 0, 0) so that float32 resolves what lies around the camera.
@@ -87,20 +90,32 @@ class FrameState:
 
 @dataclass(frozen=True)
 class Shoot:
-    """A scene seen along a path at one aspect ratio: gives the state of any frame, in any order."""
+    """A scene seen along a path at one aspect ratio: gives the state of any frame, in any order. camera_scene: which the camera
+    follows and whose bounds give its planes, where that is not the scene (a variation moves no camera)."""
 
     scene: SceneDescription
     path: CameraPath
     aspect: float
     motion_offsets: tuple[int, ...] = ()
+    camera_scene: SceneDescription | None = None
 
     @cached_property
     def samples(self) -> tuple[CameraSample, ...]:
-        return tuple(sample(self.path, i / self.path.fps, self.scene.up) for i in range(frame_count(self.path)))
+        track = prepare_track(self.path, self.scene.up, object_places(self.camera_scene or self.scene))
+        return tuple(sample(track, time) for time in self.times)
+
+    @cached_property
+    def times(self) -> tuple[float, ...]:
+        """Seconds of the path, one per frame."""
+        return frame_times(self.path)
+
+    @cached_property
+    def _durations(self) -> tuple[float, ...]:
+        return frame_durations(self.path)
 
     @cached_property
     def clip_planes(self) -> tuple[float, float]:
-        low, high = scene_bounds(self.scene)
+        low, high = scene_bounds(self.camera_scene or self.scene)
         centres = np.array([item.world_from_camera[:3, 3] for item in self.samples])
         reach = float(np.linalg.norm(np.maximum(high, centres.max(axis=0)) - np.minimum(low, centres.min(axis=0)))) or 1.0
         near, far = self.path.near or 1e-3 * reach, self.path.far or 100 * reach
@@ -159,10 +174,10 @@ class Shoot:
         time_s = self.samples[frame].scene_time_s
         return FrameState(
             frame=frame,
-            time_s=frame / self.path.fps,
-            frame_time_ms=1000 / self.path.fps,
+            time_s=self.times[frame],
+            frame_time_ms=1000 * self._durations[frame],
             reset=reset,
-            exposure_ev=self.path.exposure_ev,
+            exposure_ev=self.samples[frame].exposure_ev,
             camera=self.camera(frame),
             previous_camera=self.camera(before),
             objects=self.objects(time_s),

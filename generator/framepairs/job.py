@@ -47,16 +47,21 @@ class Job:
     clip: str | None = None
     overlay: Overlay | None = None
     overlay_name: str | None = None
+    variation: int | None = None
+    camera_scene: SceneDescription | None = None
+    split: str | None = None
 
     @cached_property
     def shoot(self) -> Shoot:
-        return Shoot(self.scene, self.path, self.plan.display[0] / self.plan.display[1], self.plan.motion_offsets)
+        aspect = self.plan.display[0] / self.plan.display[1]
+        return Shoot(self.scene, self.path, aspect, self.plan.motion_offsets, self.camera_scene)
 
     @cached_property
     def sequence(self) -> str:
         is_of_scene = self.path_name in {camera.name for camera in self.scene.cameras}
         path = re.sub(r"[^\w.-]+", "_", self.path_name).strip("_") if is_of_scene else Path(self.path_name).stem
-        return f"{Path(self.scene_name).stem}_{path}"
+        varied = "" if self.variation is None else f"_vary{self.variation}"
+        return f"{Path(self.scene_name).stem}_{path}{varied}"
 
     @cached_property
     def needs(self) -> dict[str, Need]:
@@ -198,6 +203,8 @@ def _sequence_record(job: Job) -> SequenceRecord:
         animation_clip=job.clip,
         overlay=job.overlay_name,
         overlay_sha256=job.overlay_sha256,
+        variation=job.variation,
+        split=job.split,
         channels=[channel.name for channel in job.channels],
         constants=constants,
         equal_streams=job.equal_streams,

@@ -115,8 +115,10 @@ class SequenceRecord(_Model):
         [], description="object_id of every object whose F_beta is 1, because Mitsuba's own BSDF draws it (path)"
     )
     animation_clip: str | None = Field(None, description="the clip that was asked for, of files that hold several")
-    overlay: str | None = Field(None, description="file of what is drawn over colour, as given; 'scene': the one beside the scene")
+    overlay: str | None = Field(None, description="what is drawn over colour: a file as given, or 'scene': the one beside it")
     overlay_sha256: Sha256 | None = Field(None, description="over the overlay's files")
+    variation: int | None = Field(None, description="seed of the content's variation; null for the scene as it is")
+    split: Literal["train", "val", "test"] | None = Field(None, description="of a sampled camera path; null for others")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")
     equal_streams: dict[str, str] = Field({}, description="streams that are no files, and the stream that each equals")

@@ -2,17 +2,20 @@
 
 import json
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from .bundled import camera_path_names, find_camera_path, find_scene
-from .camera_path import CameraPath, read_camera_path
+from .camera_path import CameraPath, read_camera_path, with_fps
 from .errors import InputError
 from .frame import check_frames, orbit, path_of_camera
 from .overlay_elements import read_overlay
 from .plan import RenderPlan
 from .scene import files_hash, light_scene, load_scene, scene_hash
 from .scene.description import SceneDescription
+from .scene.variation import varied_scene
 
 HR_STREAMS = ("hr_native", "hr_mip0")
 
@@ -74,17 +77,23 @@ def make_job(
     stored=None,
     allow_outside: bool = False,
     overlay: str | Path | None = None,
+    vary: int | None = None,
+    fps: float | None = None,
 ):
     """The Job of a scene; `stored` is the SequenceRecord that it must repeat. overlay: a file, 'none', 'scene' for the one
-    beside the scene, or None for that if there is one."""
+    beside the scene, or None for that if there is one. vary: seed of the content. fps: instead of the path's."""
     from .job import Job  # activates a back end
 
     if environment is not None and not environment.is_file():
         raise InputError("no such environment", file=environment)
     lit, light = light_scene(read_scene(file, clip, plan, allow_outside), environment)
+    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
+    path, path_name = _at_rate(path, path_name, fps)
+    as_it_is = lit if vary is not None else None
+    if vary is not None:
+        lit = varied_scene(lit, file, vary, allow_outside, environment)
     if stored is not None and scene_hash(lit) != stored.scene_sha256:
         raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
-    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
     named, overlay_file = _overlay_of(file, overlay)
     drawn_over = read_overlay(overlay_file, allow_outside) if overlay_file is not None else None
     if stored is not None and drawn_over is not None and files_hash(drawn_over.files) != stored.overlay_sha256:
@@ -100,7 +109,39 @@ def make_job(
         clip=clip,
         overlay=drawn_over,
         overlay_name=named,
+        variation=vary,
+        camera_scene=as_it_is,
+        split=stored.split if stored else None,
     )
+
+
+def sampled_jobs(folder: Path, split: str | None, fps: float | None, make: Callable[[str], Any]) -> list:
+    """The jobs of all camera paths of a sampling (`framepairs cameras sample`), or of those of one split. make: the Job of a
+    path's file; it is asked once, for the scene is the same.
+
+    Raises InputError for another scene than the paths were sampled in, and for a split without paths.
+    """
+    from .sampling.files import read_cameras
+
+    if not (folder / "cameras.json").is_file():
+        raise InputError("is no camera path, nor a folder with cameras.json", file=folder)
+    sampled = read_cameras(folder / "cameras.json")
+    chosen = [record for record in sampled.paths if split in (None, record.split)]
+    if not chosen:
+        raise InputError(f"no path is of split {split!r}", file=folder / "cameras.json", field="split")
+    first = make(str(folder / chosen[0].file))
+    if first.variation is None and first.environment in (None, "default") and first.scene_sha256 != sampled.scene_sha256:
+        raise InputError(f"was sampled in another scene than {first.scene_name} (sha256 differs)", file=folder / "cameras.json")
+    jobs = []
+    for record in chosen:
+        path, name = _at_rate(read_camera_path(folder / record.file), record.file, fps)
+        jobs.append(replace(first, path=path, path_name=name, split=record.split))
+    return jobs
+
+
+def _at_rate(path: CameraPath, name: str, fps: float | None) -> tuple[CameraPath, str]:
+    """The path at another frame rate, which its name then tells."""
+    return (path, name) if fps is None else (with_fps(path, fps), f"{Path(name).stem}_{fps:g}fps")
 
 
 def _overlay_of(scene: Path, asked: str | Path | None) -> tuple[str | None, Path | None]:
@@ -117,6 +158,7 @@ def stored_job(entry, moved_to: str | None, plan: RenderPlan, out: Path, allow_o
     environment = Path(entry.environment) if entry.environment not in (None, "default") else None
     overlay = "none" if entry.overlay is None else entry.overlay
     given = {"environment": environment, "clip": clip, "allow_outside": allow_outside, "overlay": overlay}
+    given["vary"] = entry.variation
     if moved_to is not None:
         try:
             return make_job(entry.scene, find_scene(moved_to), None, plan, out, stored=entry, **given), True

@@ -12,7 +12,9 @@ from .errors import InputError
 from .manifest import CorpusManifest, FrameRecord, SequenceIndex
 from .overlay_elements import OverlayFile
 from .plan import RenderPlan
+from .sampling.files import CamerasFile
 from .scene.animation import SceneAnimation
+from .scene.variation_file import Variation
 
 MODELS = {
     "render_plan": RenderPlan,
@@ -22,6 +24,8 @@ MODELS = {
     "frame": FrameRecord,
     "overlay": OverlayFile,
     "scene_animation": SceneAnimation,
+    "scene_variation": Variation,
+    "cameras": CamerasFile,
 }
 
 

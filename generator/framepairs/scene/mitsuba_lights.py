@@ -17,7 +17,7 @@ PARAMETERS = {
     "directional": ("irradiance", "direction", "to_world"),
     "constant": ("radiance", "to_world"),
     "envmap": ("filename", "scale", "to_world", "mis_compensation"),
-    "area": ("radiance",),
+    "area": ("radiance", "sampling_weight"),
 }
 
 
@@ -93,13 +93,15 @@ def environment_of(values: Mapping[str, Any], name: str, parts: TextureReader) -
 
 
 def emission_of(values: Mapping[str, Any], name: str, parts: TextureReader) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Fields of a Material that an `area` emitter on a shape sets, none for other emitters; and what is not drawn."""
+    """Fields of a Material that an `area` emitter on a shape sets, none for other emitters; and what is not drawn. One of
+    `sampling_weight` 0 glows as other emissive surfaces do: in `raster` it lights nothing unless the plan has `mesh_lights`."""
     if kind_of(values) != "emitter":
         raise InputError(f"{values['type']} is no emitter")
     if values["type"] != "area":
         return {}, (f"emitter {values['type']} of {name}",)
     radiance, slot = parts.color(values, "radiance", 1.0, emits=True)
-    fields = {"emission": radiance, "emission_texture": slot, "emits": "front", "shines": True}
+    shines = number(values, "sampling_weight", 1.0) > 0
+    fields = {"emission": radiance, "emission_texture": slot, "emits": "front", "shines": shines}
     return fields, tuple(_unknown(values, name))
 
 

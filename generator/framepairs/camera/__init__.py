@@ -1,0 +1,1 @@
+"""The camera-path language: from keyframes, moves and poses to the camera at any time."""

@@ -1,0 +1,1 @@
+"""Camera paths through a scene's free space, and how much of the scene they see."""
