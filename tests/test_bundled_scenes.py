@@ -12,8 +12,11 @@ import pytest
 from analytic import plan_of
 from framepairs.bundled import camera_path_names, find_scene, scene_names
 from framepairs.corpus import Corpus
+from framepairs.engine import Engine
+from framepairs.listings import pictured_frame
 from framepairs.options import make_job
 from framepairs.pipeline import render_sequence
+from framepairs.plan import plan_streams
 from framepairs.scene.images import read_image
 from framepairs.validate import validate_corpus
 
@@ -84,3 +87,26 @@ def test_something_moves_besides_the_camera_and_occludes(corpus):
         bits = corpus.read(sequence, "hr", "visibility", frame)
         hidden.append(float(((bits & 4 == 0) & (bits & 1 == 1)).mean()))
     assert len(seen) >= 3 and max(hidden) > 0.002  # of the pixels
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_seeds_vary_the_content_and_not_the_camera(name, tmp_path):
+    """A picture as bright in which every pixel errs by 5 codes of 255 differs by 0.02 after Reinhard's curve, x / (1 + x)."""
+    plan, file = plan_of(display=(96, 54), antialiasing=1, channels=["color"]), find_scene(name)
+    jobs = {seed: make_job(name, file, None, plan, tmp_path, vary=seed, overlay="none") for seed in (None, 1, 2, 3)}
+    assert file.with_name(f"{name}.variation.json").is_file()
+    pictures, frame, plain = [], pictured_frame(name), jobs[None]
+    for job in jobs.values():
+        assert [item.name for item in job.scene.objects] == [item.name for item in plain.scene.objects]
+        assert job.scene.not_read == plain.scene.not_read
+        for at in np.linspace(0, len(plain.shoot) - 1, 4).astype(int):
+            now, then = job.shoot.camera(int(at)), plain.shoot.camera(int(at))
+            assert np.array_equal(now.world_from_camera, then.world_from_camera)
+            assert (now.fov_y, now.near, now.far) == (then.fov_y, then.near, then.far)
+        engine = Engine(job.scene, job.plan, job.overlay)
+        rendered = engine.render(job.shoot.state(frame), plan_streams(plan)[0], frozenset(["color"]), frame).arrays["color"]
+        pictures.append(rendered / (1 + rendered))
+        assert np.isfinite(pictures[-1]).all() and 0.02 < np.median(pictures[-1]) < 0.6
+    for a in range(len(pictures)):
+        for b in range(a):
+            assert np.abs(pictures[a] - pictures[b]).mean() > 0.02, (a, b)

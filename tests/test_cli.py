@@ -166,7 +166,7 @@ def test_ctrl_c_is_one_line_and_exit_130(monkeypatch, capsys, outcome):
     with pytest.raises(SystemExit) as left:
         cli.main()
     assert left.value.code == 130
-    assert capsys.readouterr().err.strip() == "framepairs: interrupted; the same command resumes"
+    assert capsys.readouterr().err.strip() == "framepairs: interrupted; type the same command again"
 
 
 def test_regenerate_renders_only_the_frames_that_are_there(files, tmp_path):
@@ -247,8 +247,12 @@ def test_brdf_writes_a_table_and_a_plot_and_tells_its_errors(tmp_path):
     assert plot.read_text().startswith("<?xml")
 
 
-def test_lists_and_descriptions(files):
+def test_lists_and_descriptions(files, tmp_path):
     assert "market" in framepairs("scenes").stdout and "market" in framepairs("cameras").stdout
+    for command in ("scenes", "cameras"):
+        page, listed = tmp_path / f"{command}.html", json.loads(framepairs(command, "--json").stdout)
+        assert framepairs(command, "--html", page).returncode == 0
+        assert page.read_text().count("data:image/jpeg") == len(listed) >= 5
     told = json.loads(framepairs("describe", files / "quad.obj", "--json").stdout)
     assert told["triangles"] == 2 and told["light"] == "default" and told["channels"]["overlay"]["needed"] is False
 

@@ -152,3 +152,45 @@ def test_what_lies_beside_a_scene_is_taken_up(tmp_path):
     write_gray(tmp_path / "other.exr", 0.5)
     lit, named = light_scene(scene, tmp_path / "other.exr")
     assert lit.environment.texels.max() == 0.5 and named.endswith("other.exr")
+
+
+def test_sampled_paths_become_sequences_that_say_their_split(tmp_path):
+    file, cameras, out = stage(tmp_path), tmp_path / "cameras", tmp_path / "corpus"
+    done = framepairs("cameras", "sample", file, "--count", "3", "--frames", "3", "--out", cameras, "--json")
+    told = json.loads(done.stdout)
+    assert done.returncode == 0 and {path["split"] for path in told["paths"]} == {"train", "val", "test"}
+    assert framepairs("render", file, "--camera", cameras, "--out", out, *TINY).returncode == 0
+    corpus = Corpus(out)
+    assert {name: corpus.sequence(name).split for name in corpus.sequences} == {
+        f"set_{path['file'].removesuffix('.json')}": path["split"] for path in told["paths"]
+    }
+    assert framepairs("regenerate", out, "--scale", "4", "--quiet").returncode == 0
+    assert {Corpus(out).sequence(name).split for name in corpus.sequences} == {"train", "val", "test"}
+    some = framepairs("render", file, "--camera", cameras, "--split", "val", "--out", tmp_path / "val", *TINY)
+    assert some.returncode == 0 and len(Corpus(tmp_path / "val").sequences) == 1
+    for arguments, says in (
+        (("market", "--camera", cameras), "another scene"), ((file, "--split", "val"), "--camera with a folder"),
+        ((file, "--camera", cameras, "--split", "x"), "no path is of split 'x'"),
+        ((file, "--camera", tmp_path), "cameras.json"),
+    ):  # fmt: skip
+        done = framepairs("render", *arguments, "--out", tmp_path / "no", *TINY)
+        assert done.returncode == 2 and says in done.stderr and not (tmp_path / "no").exists(), done.stderr
+    again = framepairs("cameras", "sample", file, "--count", "2", "--frames", "3", "--out", cameras)
+    assert again.returncode == 2 and "count" in again.stderr
+
+
+def test_the_same_path_at_another_frame_rate(tmp_path):
+    file, out = stage(tmp_path), tmp_path / "corpus"
+    path = tmp_path / "slide.json"
+    ends = [{"time": t, "position": [t, 1, 4], "look_at": [0, 0, 0]} for t in (0, 0.25)]
+    path.write_text(json.dumps({"version": 1, "fps": 12, "keyframes": ends}))
+    for rate in ((), ("--fps", "24")):
+        assert framepairs("render", file, "--camera", path, *rate, "--out", out, *TINY).returncode == 0
+    corpus = Corpus(out)
+    slow, fast = "set_slide", "set_slide_24fps"
+    assert (corpus.sequences, len(corpus.frames(slow)), len(corpus.frames(fast))) == ([slow, fast], 4, 7)
+    for frame in range(4):
+        a, b = (corpus.record(name, frame * rate) for name, rate in ((slow, 1), (fast, 2)))
+        assert a.time_s == b.time_s
+        np.testing.assert_allclose(a.camera.view_from_world, b.camera.view_from_world, atol=1e-9)
+    assert framepairs("render", file, "--camera", path, "--fps", "0", "--out", tmp_path / "no", *TINY).returncode == 2

@@ -11,10 +11,11 @@ from pydantic import ValidationError
 
 from analytic import at, make_scene, quad
 from framepairs.errors import InputError
+from framepairs.scene import load_scene
 from framepairs.scene.daylight import luminance
 from framepairs.scene.description import Deformed, Environment, Light, Material, Slot, Texture, scene_bounds
 from framepairs.scene.images import linear_texels
-from framepairs.scene.variation import default_variation, vary
+from framepairs.scene.variation import default_variation, varied_scene, vary
 from framepairs.scene.variation_draws import Draws, groups
 from framepairs.scene.variation_file import Variation, read_variation, variation_beside
 from framepairs.scene.variation_light import black_body_tint
@@ -260,6 +261,24 @@ def test_daylight_gives_sky_and_sun_from_one_place(scene, up):
     assert added.lights[:2] == scene.lights and added.lights[2] == replace(lit.lights[0], name="daylight")
 
 
+def test_a_sun_that_moves_goes_on_from_its_new_place(scene):
+    """It turns by 90 degrees about x and becomes half as bright, before and after."""
+
+    def lights_at(time_s):
+        angle = np.radians(90 * time_s)
+        sun = scene.lights[0]
+        turned = (0.0, -np.cos(angle), -np.sin(angle))
+        return (replace(sun, direction=turned, radiance=tuple((1 - time_s / 2) * np.array(sun.radiance))), *scene.lights[1:])
+
+    moving = replace(scene, lights=lights_at(0.0), lights_at=lights_at)
+    lit = varied(moving, 1, daylight={"sun": "*Sun", "elevation_deg": [30, 30]})
+    first, last = lit.lights_at(0.0)[0], lit.lights_at(1.0)[0]
+    np.testing.assert_allclose(first.direction, lit.lights[0].direction, atol=1e-12)
+    about_x = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # takes (0, -1, 0) to (0, 0, -1)
+    np.testing.assert_allclose(last.direction, about_x @ np.array(first.direction), atol=1e-12)
+    np.testing.assert_allclose(last.radiance, np.array(first.radiance) / 2, rtol=1e-12)
+
+
 def test_adaptation_gives_back_what_a_low_sun_takes(scene):
     dim, adapted = (
         varied(scene, 1, daylight={"sun": "*Sun", "elevation_deg": [6, 6], "clouds": [0, 0], "adaptation": share})
@@ -354,3 +373,11 @@ def test_an_empty_variation_changes_nothing(scene):
     assert varied(scene) == scene
     with pytest.raises(ValidationError):
         Variation.model_validate({})
+
+
+def test_a_link_to_nowhere_beside_a_scene_is_not_taken_for_no_file(tmp_path):
+    """The scene would vary as if nobody had said how."""
+    (tmp_path / "scene.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "scene.variation.json").symlink_to("nowhere.json")
+    with pytest.raises(InputError, match="No such file"):
+        varied_scene(load_scene(tmp_path / "scene.obj"), tmp_path / "scene.obj", 1)

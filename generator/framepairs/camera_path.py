@@ -89,7 +89,8 @@ def _check_times(kind: str, stops: tuple[Keyframe, ...] | tuple[Pose, ...]) -> N
     for index, (a, b) in enumerate(zip(stops, stops[1:], strict=False), start=1):
         if b.time == a.time:
             raise ValueError(f"{kind}.{index}: two {kind} at time {b.time:g}")
-        if b.time < a.time + getattr(a, "hold", 0):
+        rounding = 1e-9 * max(1.0, abs(b.time))  # decimal times meet but for their last digits
+        if b.time < a.time + getattr(a, "hold", 0) - rounding:
             raise ValueError(f"{kind}.{index}: time {b.time:g} lies before the end of what precedes it")
     if stops[0].time != 0:
         raise ValueError(f"{kind}.0: the first time must be 0, not {stops[0].time:g}")

@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def _leave_interrupted() -> None:
-    error_console.print("framepairs: interrupted; the same command resumes")
+    error_console.print("framepairs: interrupted; type the same command again")
     sys.exit(130)
 
 
@@ -139,8 +139,7 @@ def render(
     if split is not None and folder is None:
         raise InputError("needs --camera with a folder of sampled paths", field="split")
     jobs = [make(camera)] if folder is None else sampled_jobs(folder, split, fps, make)
-    for job in jobs:
-        _render(job, frame_range(frames, len(job.shoot)), quiet=quiet, json_=json_, add_streams=False)
+    _render([(job, frame_range(frames, len(job.shoot))) for job in jobs], quiet=quiet, json_=json_, add_streams=False)
 
 
 @app.command()
@@ -168,9 +167,9 @@ def regenerate(
     jobs = [stored_job(opened.sequence(name), scene, resolved, out or corpus, allow_outside) for name in opened.sequences]
     if scene is not None and not any(moved for _, moved in jobs):
         raise InputError("is no scene of this corpus (sha256 differs)", file=scene)
-    for (job, _), name in zip(jobs, opened.sequences, strict=True):
-        frames = opened.frames(name) or range(opened.sequence(name).frames)
-        _render(job, frames, quiet=quiet, json_=json_, add_streams=out is None)
+    frames = [opened.frames(name) or range(opened.sequence(name).frames) for name in opened.sequences]
+    asked = [(job, chosen) for (job, _), chosen in zip(jobs, frames, strict=True)]
+    _render(asked, quiet=quiet, json_=json_, add_streams=out is None)
 
 
 @app.command()
@@ -207,7 +206,14 @@ def version() -> None:
     print(__version__)
 
 
-def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams: bool) -> None:
+def _render(asked: list[tuple], *, quiet: bool, json_: bool, add_streams: bool) -> None:
+    """Renders jobs with their frames. With --json, one document: an object for one sequence, a list for several."""
+    summaries = [_render_one(job, frames, quiet=quiet, json_=json_, add_streams=add_streams) for job, frames in asked]
+    if json_:
+        print(json.dumps(summaries if len(summaries) != 1 else summaries[0]))
+
+
+def _render_one(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams: bool) -> dict:
     import time
 
     from .pipeline import estimated_bytes, render_sequence
@@ -228,13 +234,12 @@ def _render(job, frames: Sequence[int], *, quiet: bool, json_: bool, add_streams
         "corpus": str(job.out), "sequence": job.sequence, "frames": len(frames), "rendered": rendered, "bytes": size,
         "seconds": round(elapsed, 3), "channels": [channel.name for channel in job.channels],
     }  # fmt: skip
-    if json_:
-        print(json.dumps(summary))
-    elif not quiet:
+    if not silent:
         out_console.print(
             f"{rendered} frames rendered, {len(frames) - rendered} were there; {size / 1e6:.1f} MB in {elapsed:.1f} s",
             markup=False,
         )
+    return summary
 
 
 if __name__ == "__main__":

@@ -13,7 +13,9 @@ Backend = Annotated[str, typer.Option(help="auto, llvm or cuda")]
 Clip = Annotated[str | None, typer.Option(help="animation clip of a glTF file; default: the first")]
 EnvironmentFile = Annotated[Path | None, typer.Option(help="latitude-longitude image that lights the scene")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="any key of the plan, as key=value, repeatable")]
-Vary = Annotated[int | None, typer.Option("--vary", min=0, help="seed of the content: light, colours, places; not the camera")]
+Vary = Annotated[
+    int | None, typer.Option("--vary", min=0, max=2**63 - 1, help="seed of the content: light, colours, places; not the camera")
+]
 AllowOutside = Annotated[bool, typer.Option("--allow-outside", help="the scene may read files outside its own folder")]
 CorpusFolder = Annotated[Path, typer.Argument(metavar="CORPUS", help="folder of a corpus")]
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .bundled import find_scene
+from .bundled import bundled_folder, find_scene
 from .cli_options import AllowOutside, Backend, Clip, EnvironmentFile, Json, Quiet, Settings, Vary, activate_backend
 from .terminal import out_console, print_description, print_rows, progress
 
@@ -19,7 +19,7 @@ def scenes(html: Html = None, json_: Json = False) -> None:
     """List the bundled scenes."""
     from .listings import listed_scenes
 
-    _list("scene", "Bundled scenes", listed_scenes(), html, json_)
+    _list("scene", "Bundled scenes", listed_scenes(), bundled_folder("scenes"), html, json_)
 
 
 @cameras.callback(invoke_without_command=True)
@@ -28,7 +28,7 @@ def list_cameras(context: typer.Context, html: Html = None, json_: Json = False)
     if context.invoked_subcommand is None:
         from .listings import listed_cameras
 
-        _list("camera path", "Bundled camera paths", listed_cameras(), html, json_)
+        _list("camera path", "Bundled camera paths", listed_cameras(), bundled_folder("camera_paths"), html, json_)
 
 
 @cameras.command("sample")
@@ -111,14 +111,17 @@ def describe(
         print_description(job.scene, found, channels)
 
 
-def _list(what: str, title: str, entries: list, html: Path | None, json_: bool) -> None:
+def _list(what: str, title: str, entries: list, folder: Path, html: Path | None, json_: bool) -> None:
     from .listings import write_page
 
     facts = list(dict.fromkeys(key for entry in entries for key in entry.facts))
-    rows = [(e.name, *(e.facts[key] for key in facts), str(e.file), str(e.picture or "")) for e in entries]
+    files = [[str(path or "") if json_ else getattr(path, "name", "") for path in (e.file, e.picture)] for e in entries]
+    rows = [(e.name, *(e.facts[key] for key in facts), *paths) for e, paths in zip(entries, files, strict=True)]
     if html is not None:
         write_page(title, entries, html)
     if html is None or json_:
         print_rows([what, *facts, "file", "picture"], rows, json_)
+        if not json_:
+            out_console.print(f"in {folder}; --html FILE makes a page of the pictures", markup=False)
     else:
         out_console.print(str(html), markup=False)

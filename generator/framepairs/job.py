@@ -49,7 +49,7 @@ class Job:
     overlay_name: str | None = None
     variation: int | None = None
     camera_scene: SceneDescription | None = None
-    split: str | None = None
+    split: str = "train"
 
     @cached_property
     def shoot(self) -> Shoot:

@@ -49,14 +49,19 @@ def listed_scenes() -> list[Listed]:
     return found
 
 
+def scene_of_path(name: str) -> str:
+    """The bundled scene that a bundled camera path is for: that of its name, or of what stands before its first "_"."""
+    return name if name in scene_names() else name.split("_")[0]
+
+
 def listed_cameras() -> list[Listed]:
-    """The bundled camera paths; the picture is a strip of frames of the scene of the same name."""
+    """The bundled camera paths; the picture is a strip of frames of their scene."""
     found = []
     for name in camera_path_names():
         file = find_camera_path(name)
         path = read_camera_path(file)
         times = frame_times(path)
-        facts = {"frames": str(len(times)), "seconds": f"{times[-1]:.2f}", "fps": f"{path.fps:g}"}
+        facts = {"scene": scene_of_path(name), "frames": str(len(times)), "seconds": f"{times[-1]:.2f}", "fps": f"{path.fps:g}"}
         found.append(Listed(name=name, file=file, picture=_picture(file.with_suffix(".jpg")), facts=facts))
     return found
 

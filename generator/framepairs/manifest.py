@@ -118,11 +118,10 @@ class SequenceRecord(_Model):
     overlay: str | None = Field(None, description="what is drawn over colour: a file as given, or 'scene': the one beside it")
     overlay_sha256: Sha256 | None = Field(None, description="over the overlay's files")
     variation: int | None = Field(None, description="seed of the content's variation; null for the scene as it is")
-    split: Literal["train", "val", "test"] | None = Field(None, description="of a sampled camera path; null for others")
     channels: list[str] = Field(description="channels that are files")
     constants: dict[str, Constant] = Field(description="channels that are not")
     equal_streams: dict[str, str] = Field({}, description="streams that are no files, and the stream that each equals")
-    split: Literal["train", "val", "test"] = "train"
+    split: Literal["train", "val", "test"] = Field("train", description="of a sampled camera path; train for others")
 
 
 class TableRecord(_Model):

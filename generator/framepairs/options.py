@@ -111,7 +111,7 @@ def make_job(
         overlay_name=named,
         variation=vary,
         camera_scene=as_it_is,
-        split=stored.split if stored else None,
+        split=stored.split if stored else "train",
     )
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from .bundled import bundled_folder, find_scene, scene_names
+from .bundled import bundled_folder, camera_path_names, find_scene, scene_names
 from .engine import Engine
 from .job import Job
-from .listings import pictured_frame
+from .listings import pictured_frame, scene_of_path
 from .options import make_job
 from .plan import make_plan, plan_streams
 from .preview import picture_of
@@ -36,9 +36,9 @@ def scene_picture(scene: str) -> Image.Image:
     return stream_pictures(job, Engine(job.scene, job.plan, job.overlay), pictured_frame(scene), 0, ["color"])[0]
 
 
-def path_strip(scene: str) -> Image.Image:
-    """Frames of a scene's own path at equal distances."""
-    job = _job(scene, STRIP_SIZE)
+def path_strip(name: str) -> Image.Image:
+    """Frames of a bundled camera path at equal distances."""
+    job = _job(scene_of_path(name), STRIP_SIZE, name)
     engine = Engine(job.scene, job.plan, job.overlay)
     picks = np.unique(np.linspace(0, len(job.shoot) - 1, STRIP_FRAMES).round().astype(int)).tolist()
     return sheet([stream_pictures(job, engine, frame, 0, ["color"])[0] for frame in picks], STRIP_FRAMES)
@@ -63,15 +63,16 @@ def sheet(pictures: Sequence[Image.Image], columns: int, gap: int = 4) -> Image.
     return out
 
 
-def _job(scene: str, size: tuple[int, int]) -> Job:
+def _job(scene: str, size: tuple[int, int], camera: str | None = None) -> Job:
     plan = make_plan({"display": size, "channels": "all", "scales": (3,), "variants": ("jittered_mip",)})
-    return make_job(scene, find_scene(scene), None, plan, Path())
+    return make_job(scene, find_scene(scene), camera, plan, Path())
 
 
 def main(names: Sequence[str]) -> None:
-    pictures = {name: scene_picture(name) for name in names or scene_names()}
+    pictures = {name: scene_picture(name) for name in scene_names() if not names or name in names}
     for name, picture in pictures.items():
         picture.save(find_scene(name).with_name(f"{name}.jpg"), quality=QUALITY)
+    for name in names or camera_path_names():
         path_strip(name).save(bundled_folder("camera_paths") / f"{name}.jpg", quality=QUALITY)
     if not names:
         cells = [*pictures.values(), parts_picture(SHOWN_IN_PARTS)]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera_path import CameraPath, move_times
+from .keys import Keyframe
 from .moves import Hold
 from .splines import Array
 
@@ -13,13 +14,15 @@ from .splines import Array
 @dataclass(frozen=True, kw_only=True)
 class Clock:
     """One entry per hold: arrives, leaves: seconds of the path. paused: seconds for which it stops the animation, 0 where that
-    runs. before: the sum of those of earlier holds. shots: its shot."""
+    runs. before: the sum of those of earlier holds. shots: its shot. cut: whether a new shot begins
+    when it leaves, so that this time is no longer its own."""
 
     arrives: Array
     leaves: Array
     paused: Array
     before: Array
     shots: NDArray[np.int64]
+    cut: NDArray[np.bool_]
 
 
 def clock_of(path: CameraPath) -> Clock:
@@ -29,6 +32,11 @@ def clock_of(path: CameraPath) -> Clock:
     else:
         holds = [(key.time, key.hold, key) for key in path.keyframes if key.hold > 0]
     shots = dict(zip(map(id, path.keyframes or path.moves), shots_of(path), strict=False))
+    stops = path.keyframes or path.moves
+    cut = {
+        id(stop): after.cut and (bool(path.moves) or is_left_at(stop, after))
+        for stop, after in zip(stops, stops[1:], strict=False)
+    }
     paused = np.array([duration if keys.animation == "stops" else 0.0 for _, duration, keys in holds])
     return Clock(
         arrives=np.array([begin for begin, _, _ in holds]),
@@ -36,6 +44,7 @@ def clock_of(path: CameraPath) -> Clock:
         paused=paused,
         before=np.concatenate([[0.0], np.cumsum(paused)])[:-1] if len(paused) else paused,
         shots=np.array([shots[id(keys)] for _, _, keys in holds], dtype=np.int64),
+        cut=np.array([cut.get(id(keys), False) for _, _, keys in holds], dtype=bool),
     )
 
 
@@ -49,6 +58,12 @@ def shots_of(path: CameraPath) -> list[int]:
 def slack(time: float | Array) -> float | Array:
     """A frame's time i / fps and a stop's decimal time may differ in the last digits: so near, they are the same."""
     return 1e-9 * np.maximum(1.0, np.abs(time))
+
+
+def is_left_at(before: Keyframe, key: Keyframe) -> bool:
+    """Whether no time passes between what a keyframe holds for and the next keyframe."""
+    leaves = before.time + before.hold
+    return bool(key.time <= leaves + slack(leaves)) and before.hold > 0
 
 
 def scene_times(clock: Clock, times: Array) -> Array:
@@ -67,7 +82,12 @@ def at_rest(clock: Clock, time: float) -> float:
     if len(clock.arrives) == 0:
         return time
     hold = int(np.searchsorted(clock.arrives, time + slack(time), side="right")) - 1
-    return float(clock.arrives[hold]) if hold >= 0 and time <= clock.leaves[hold] + slack(time) else time
+    if hold < 0:
+        return time
+    near = float(slack(time))
+    leaves = float(clock.leaves[hold])
+    inside = time < leaves - near if clock.cut[hold] else time <= leaves + near
+    return float(clock.arrives[hold]) if inside else time
 
 
 def rests_around(clock: Clock, time: float, shot: int) -> tuple[float | None, float | None]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..camera_path import CameraPath, end_of
 from ..errors import InputError
 from ..transforms import quaternion_from_rotation, rotation_from_quaternion
-from .clock import Clock, scene_times, shots_of
+from .clock import Clock, is_left_at, scene_times, shots_of
 from .keys import Keyframe, ObjectPoint
 from .lens import lens_of
 from .pieces import Hanging, Motion, Piece, Places, Targets, positions_at
@@ -17,6 +17,7 @@ from .splines import STEEPEST, Array, catmull_rom, monotone_cubic
 from .springs import follow_spring
 
 SPRING_STEP = 1 / 240  # seconds
+CLOSEST_S = 1e-12  # keyframes
 LONGEST_FOLLOW_S = 3600.0  # of a shot: a place of the object is asked for at every step
 
 
@@ -29,10 +30,15 @@ class _Part:
         self.keys = path.keyframes[first:end]
         holds = np.array([key.hold for key in self.keys])
         arrives = np.array([key.time for key in self.keys])
-        self.key = np.repeat(np.arange(len(self.keys)), 1 + (holds > 0))
+        self.key = np.repeat(np.arange(len(self.keys)), 1 + (arrives + holds > arrives))
         second = np.concatenate([[False], self.key[1:] == self.key[:-1]])
         self.times = arrives[self.key] + np.where(second, holds[self.key], 0.0)
         self.rests = holds[self.key] > 0
+        gaps = self.times[1:] - self.times[:-1]
+        if gaps.min(initial=np.inf) < CLOSEST_S:
+            close = np.flatnonzero(gaps < CLOSEST_S)
+            problem = f"follows {gaps[close[0]]:g} s after what precedes it: less than {CLOSEST_S:g} s"
+            raise InputError(problem, file="camera path", field=self.field(self.key[close[0] + 1], "time"))
 
     def field(self, key: int, name: str) -> str:
         return f"keyframes.{self.first + key}.{name}"
@@ -56,14 +62,14 @@ def keyframe_pieces(path: CameraPath, horizon: Horizon, clock: Clock, places: Pl
 
 def _begins_piece(before: Keyframe, key: Keyframe) -> bool:
     """After a cut, or where no time passes between the hold before and this keyframe."""
-    return key.cut or key.time <= before.time + before.hold
+    return key.cut or is_left_at(before, key)
 
 
 def _piece(part: _Part, position: Motion | Hanging, horizon: Horizon, places: Places) -> Piece:
     end = float(part.times[-1])
     if part.path.follow is not None:
-        following = part.path.keyframes[part.first + len(part.keys) :]
-        end = following[0].time if following else end_of(part.path)
+        after = part.first + len(part.keys)
+        end = part.path.keyframes[after].time if after < len(part.path.keyframes) else end_of(part.path)
     lens = np.array([lens_of(part.path, key) for key in part.keys])[part.key]
     keys = {
         "begin": float(part.times[0]),
@@ -83,6 +89,8 @@ def _travel(part: _Part) -> Motion:
     curve, index = catmull_rom(np.array([key.position for key in part.keys], dtype=float))
     index = index[part.key]
     timing = monotone_cubic(part.times, curve.lengths[index], part.rests | curve.turns[index])
+    if len(part.keys) == 1:
+        return Motion(curve=curve, timing=timing)
     means = np.diff(timing.values) / np.diff(part.times)
     for node, key in enumerate(part.key):
         speed = part.keys[key].speed
@@ -159,8 +167,9 @@ def _turns(part: _Part, piece: Piece, horizon: Horizon, places: Places) -> Rotat
 def _hang(part: _Part, clock: Clock, frames_of) -> Hanging:
     """The spring of a shot. Its time is the animation's, which stands in holds."""
     follow = part.path.follow
-    cuts = [key.time for key in part.path.keyframes[part.first + 1 :] if key.cut]
-    begin, end = scene_times(clock, np.array([part.times[0], cuts[0] if cuts else end_of(part.path)]))
+    keys = part.path.keyframes
+    cut = next((keys[k].time for k in range(part.first + 1, len(keys)) if keys[k].cut), end_of(part.path))
+    begin, end = scene_times(clock, np.array([part.times[0], cut]))
     if end - begin > LONGEST_FOLLOW_S:
         problem = f"a shot that follows lasts at most {LONGEST_FOLLOW_S:g} s, not {end - begin:g}"
         raise InputError(problem, file="camera path", field=f"keyframes.{part.first}")

@@ -1,19 +1,23 @@
 """What camera paths are written with: keyframes, poses, and what follows or shakes. The meaning is in docs/camera_paths.md."""
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+LARGEST, SMALLEST = 1e12, 1e-12  # so that no product of them overflows or vanishes
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 Row = tuple[Finite, Finite, Finite, Finite]
-FieldOfView = Annotated[float, Field(gt=0, lt=180)]
+FieldOfView = Annotated[float, Field(gt=0, ge=1e-6, lt=180)]
 Exposure = Annotated[float, Field(ge=-32, le=32)]
 Shift = tuple[Finite, Finite]
-Rate = Annotated[float, Field(gt=0, le=1000)]
+Rate = Annotated[float, Field(gt=0, ge=1e-6, le=1000)]
+
+SHORTEST_S = 1e-9  # of a hold
 
 TAGS = ("as a point", "as an object", "as a word")  # of the forms of look_at; pydantic puts them into its locations
 
@@ -71,10 +75,12 @@ class Keyframe(Keys):
     def _consistent(self) -> "Keyframe":
         if self.look_at is not None and self.quaternion is not None:
             raise ValueError("give exactly one of look_at and quaternion")
-        if self.quaternion is not None and not any(self.quaternion):
+        if self.quaternion is not None and math.hypot(*self.quaternion) < SMALLEST:
             raise ValueError("quaternion has length zero")
         if self.look_at is not None and self.look_at == self.position:
             raise ValueError("look_at is the position itself")
+        if 0 < self.hold < SHORTEST_S:
+            raise ValueError(f"hold: is 0 or at least {SHORTEST_S:g} s")
         if self.hold > 0 and self.speed:
             raise ValueError("speed is not 0 where the camera holds")
         return refuse_two_lenses(self)

@@ -18,6 +18,7 @@ from .rotations import Horizon, direction_of, multiply, turn_of_quaternion
 from .splines import Array, Cubic, catmull_rom, hermite_curve, monotone_cubic
 
 ORBIT_STEP_DEG = 1.0  # between points of an orbit's curve: 3e-10 of the radius off the circle
+SHORTEST = 1e-12  # seconds of a move, and share of the time at which it ends
 MOMENT = 1e-6  # of a move's duration, over which velocities are taken
 
 
@@ -36,6 +37,8 @@ def move_pieces(path: CameraPath, horizon: Horizon, places: Places) -> Iterator[
     lenses = _lenses(path, times, shots)
     last, held = None, False
     for k, move in enumerate(path.moves):
+        if times[k + 1] - times[k] < SHORTEST * max(1.0, times[k + 1]):
+            raise InputError(f"lasts {move.seconds:g} s: too short", file="camera path", field=f"moves.{k}")
         if isinstance(move, Hold):
             _check_rest(last, k, horizon, places)
             held = True

@@ -15,6 +15,7 @@ from .splines import Cubic, cubic_at, monotone_cubic, smoothstep
 Array = NDArray[np.float64]
 
 LEVEL_DEG, FREE_DEG = 60.0, 80.0  # elevation up to which the horizon is level, and from which its roll is the smooth one
+LEAST_WEIGHT = 1e-12  # of a smoothed heading, over that of its turning: far above rounding, so that it can be solved for
 REACH, NEAR = 0.25, 0.15  # radians around a pole: within them the heading is smoothed, and does not take over its own turning
 
 
@@ -165,19 +166,21 @@ def smooth_headings(times: Array, forwards: Array, horizon: Horizon) -> Cubic:
     known = np.flatnonzero(radius > 1e-6)
     if len(known) == 0:
         return monotone_cubic(times, np.zeros(len(times)))
+    if len(times) == 1:
+        return monotone_cubic(times, own)
     nearest = known[np.clip(np.searchsorted(known, np.arange(len(times)), side="right") - 1, 0, None)]
     own = np.unwrap(own[nearest])
     steps = np.maximum(np.linalg.norm(np.diff(forwards, axis=0), axis=1), 1e-6)
     shares = (np.append(steps, 0) + np.insert(steps, 0, 0)) / 2
-    weights = np.where(radius > 1e-6, shares * radius**2 / REACH**4, 0.0) + 1e-12
-    weights[radius > math.cos(math.radians(LEVEL_DEG))] = 1e9
     bands = np.zeros((2, len(times)))
-    bands[1] = weights
     bands[1, :-1] += 1 / steps
     bands[1, 1:] += 1 / steps
     bands[0, 1:] = -1 / steps
-    kept = np.minimum(1.0, np.minimum(radius[1:], radius[:-1]) / NEAR) ** 2 * np.diff(own) / steps
-    return monotone_cubic(times, solveh_banded(bands, weights * own + np.append(0, kept) - np.append(kept, 0)))
+    weights = np.where(radius > 1e-6, shares * radius**2 / REACH**4, 0.0) + LEAST_WEIGHT * bands[1]
+    weights[radius > math.cos(math.radians(LEVEL_DEG))] = 1e9
+    bands[1] += weights
+    lost = (np.minimum(1.0, np.minimum(radius[1:], radius[:-1]) / NEAR) ** 2 - 1) * np.diff(own) / steps
+    return monotone_cubic(times, own + solveh_banded(bands, np.append(0, lost) - np.append(lost, 0)))  # of h - own
 
 
 def level_rotations(forwards: Array, times: Array, horizon: Horizon, smooth) -> Array:

@@ -61,6 +61,8 @@ def catmull_rom(points: Array) -> tuple[Curve, NDArray[np.intp]]:
     Points that repeat the one before are one point of the curve. At the ends the tangent is the chord. Where the way leads
     straight back the tangent is zero, as the formula has it up to rounding.
     """
+    if len(points) == 1:  # a shot of one keyframe: there may be very many
+        return _point(points), np.zeros(1, dtype=np.intp)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     differs = steps > 4 * np.finfo(float).eps * np.abs(points).max(initial=0.0)
     index = np.concatenate([[0], np.cumsum(differs)])
@@ -78,6 +80,13 @@ def catmull_rom(points: Array) -> tuple[Curve, NDArray[np.intp]]:
         size = np.linalg.norm(chords, axis=1)
         tangents[1:-1][np.linalg.norm(tangents[1:-1], axis=1) < 1e-9 * np.maximum(size[:-1], size[1:])] = 0
     return hermite_curve(knots, points, tangents), index
+
+
+def _point(points: Array) -> Curve:
+    """The curve of one point [1, 3]."""
+    one = np.zeros(1)
+    still = np.ones(1, dtype=bool)
+    return Curve(knots=one, points=points, tangents=np.zeros((1, 3)), table=np.zeros((0, PARTS + 1)), lengths=one, turns=still)
 
 
 def curve_at(curve: Curve, lengths: Array) -> Array:
@@ -146,6 +155,8 @@ def monotone_cubic(times: Array, values: Array, resting: NDArray[np.bool_] | Non
     `resting` [k] or where a component has an extreme or stands.
     """
     slopes = np.zeros_like(values, dtype=float)
+    if len(times) == 1:
+        return Cubic(times=times, values=np.asarray(values, dtype=float), slopes=slopes)
     widths = np.diff(times).reshape(-1, *[1] * (values.ndim - 1))
     means = np.diff(values, axis=0) / widths
     if len(means):

@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from ..camera.keys import LARGEST, Finite, Rate
 from ..errors import InputError
 from ..manifest import Sha256, from_json
 from ..transforms import Vector
@@ -15,9 +16,9 @@ from .styles import STYLES
 
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
+LONGEST_S = 10_000.0  # of a path
 
 
 class _Model(BaseModel):
@@ -31,7 +32,7 @@ class SamplingOptions(_Model):
     frames: int = Field(100, ge=2, le=100_000, description="of each path")
     styles: tuple[str, ...] = Field(("calm",), min_length=1, description="of the paths, in turn")
     seed: int = Field(0, ge=0, lt=2**63, description="with a path's number, decides its random choices")
-    fps: Annotated[float, Field(gt=0, le=1000)] = Field(24, description="frames per second")
+    fps: Rate = Field(24, description="frames per second")
     clearance_m: Positive | None = Field(
         None, description="metres that no path comes closer to any surface; null: 0.3, less in scenes smaller than 4 m"
     )
@@ -61,6 +62,13 @@ class SamplingOptions(_Model):
             raise ValueError(f"the shares add up to {sum(split):g}, not 1")
         return split
 
+    @model_validator(mode="after")
+    def _ends(self) -> "SamplingOptions":
+        seconds = (self.frames - 1) / self.fps
+        if seconds > LONGEST_S:
+            raise ValueError(f"{self.frames} frames at {self.fps:g} fps last {seconds:g} s: at most {LONGEST_S:g}")
+        return self
+
     @field_validator("bounds")
     @classmethod
     def _in_order(cls, bounds: tuple[float, ...] | None) -> tuple[float, ...] | None:
@@ -72,7 +80,7 @@ class SamplingOptions(_Model):
 class PathRecord(_Model):
     """One path of a sampling."""
 
-    file: str = Field(description="camera path, in the same folder")
+    file: str = Field(pattern=r"^[A-Za-z0-9_-]+_[0-9]+\.json$", description="camera path, in the same folder")
     style: str
     split: Split
     frames: int

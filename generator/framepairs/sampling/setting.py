@@ -62,7 +62,10 @@ def prepare(scene: SceneDescription, options: SamplingOptions) -> Setting:
     space = explore(probe, grid, heights, clearance, near, options.rays, ground)
     nodes = {s.name: reachable(space, _scaled(s.height_m, unit), s.step_m and s.step_m * unit) for s in styles}
     walks = {s.name: make_walks(space, nodes[s.name], s, unit, clearance) for s in styles}
-    return Setting(probe, space, options, unit, clearance, walks, make_coverage(space, list(nodes.values()), farthest))
+    coverage = make_coverage(space, list(nodes.values()), farthest)
+    if not len(coverage.cells):
+        raise InputError("no surface lies near where cameras may go", field="bounds")
+    return Setting(probe, space, options, unit, clearance, walks, coverage)
 
 
 def _scaled(values: tuple[float, float], unit: float) -> tuple[float, float]:

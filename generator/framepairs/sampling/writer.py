@@ -41,9 +41,11 @@ def sample_into(
     force: bool = False,
     on_path: Callable[[int, float], None] | None = None,
 ) -> Sampling:
-    """Sample paths and write their folder; another sampling's folder is refused before anything is sampled."""
+    """Sample paths and write their folder; another sampling's folder, and one that cannot be written into, is refused before
+    anything is sampled."""
     if not force:
         check_folder(out, name, scene_hash(scene), options)
+    make_folder(out)
     sampling = sample_cameras(scene, options, name, on_path)
     write_sampling(sampling, out, force=force)
     return sampling
@@ -52,13 +54,14 @@ def sample_into(
 def write_sampling(sampling: Sampling, out: Path, *, force: bool = False) -> list[Path]:
     """Write the folder and return its files. Each appears whole or not at all, `cameras.json` last.
 
-    Raises InputError where `out` holds another sampling, unless `force`: then that one's path files go.
+    Raises InputError where `out` holds another sampling, unless `force`: then that one's path files go. Its `cameras.json` goes
+    first, so that an interrupt never leaves one that tells of other paths than lie beside it.
     """
     file = sampling.file
     if not force:
         check_folder(out, file.scene, file.scene_sha256, file.options)
     make_folder(out)
-    old = [record.file for record in read_cameras(out / NAME).paths] if force and (out / NAME).exists() else []
+    old = _replaced(out) if force else []
     written = []
     for record, values in zip(file.paths, sampling.values, strict=True):
         written.append(out / record.file)
@@ -69,6 +72,18 @@ def write_sampling(sampling: Sampling, out: Path, *, force: bool = False) -> lis
     written.append(out / NAME)
     write_atomically(written[-1], to_json(file))
     for name in set(old) - {record.file for record in file.paths}:
-        if Path(name).name == name:  # what the old file names is in this folder
-            (out / name).unlink(missing_ok=True)
+        (out / name).unlink(missing_ok=True)
     return written
+
+
+def _replaced(out: Path) -> list[str]:
+    """Removes `cameras.json`, and returns the path files that it names; none where it is damaged."""
+    try:
+        names = [record.file for record in read_cameras(out / NAME).paths]
+    except InputError:
+        names = []
+    try:
+        (out / NAME).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be replaced: {error.strerror}", file=out / NAME) from None
+    return names

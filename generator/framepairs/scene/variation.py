@@ -24,7 +24,7 @@ def varied_scene(
     environment: what the user lights it with, if anything. Raises InputError, also where a daylight would replace that.
     """
     beside = variation_beside(scene_file)
-    if not beside.exists():
+    if not beside.exists() and not beside.is_symlink():
         return vary(scene, default_variation(scene), seed)
     file = within(reach_of(scene_file, allow_outside), beside.name, file=scene_file)
     variation = read_variation(file)

@@ -1,7 +1,9 @@
 """The light of a varied scene: its hour and weather, its own sky turned, and its lamps."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +60,19 @@ def _in_daylight(scene: SceneDescription, rule: Daylight, seed: int, file: Path 
     scene = replace(scene, environment=environment)
     if rule.sun is None:
         return _with_light(scene, Light(name="daylight", kind="directional", **shining))
-    return _changed(scene, {_sun_of(scene, rule.sun, file): lambda light: replace(light, **shining)})
+    index = _sun_of(scene, rule.sun, file)
+    return _changed(scene, {index: partial(_moved_sun, scene.lights[index], replace(scene.lights[index], **shining))})
+
+
+def _moved_sun(before: Light, after: Light, light: Light) -> Light:
+    """`light`, one time of a sun that is `before` at time 0, as it goes on from `after`: it turns and changes alike."""
+    first, now = np.array(before.direction), np.array(light.direction)
+    axis = np.cross(first, now)
+    sine = float(np.linalg.norm(axis))
+    turn = rotation_about(axis / sine, math.atan2(sine, float(first @ now))) if sine > 0 else np.eye(3)
+    share = np.array(light.radiance) / np.maximum(np.array(before.radiance), 1e-30)
+    radiance = tuple((share * np.array(after.radiance)).tolist())
+    return replace(light, radiance=radiance, direction=tuple((turn @ np.array(after.direction)).tolist()))
 
 
 def _level(texels: NDArray, sun: NDArray, elevation_deg: float) -> float:

@@ -126,6 +126,8 @@ def _pivots(scene: SceneDescription, start: NDArray, fields: dict[int, str], fil
     pivots: dict[int, NDArray] = {}
     known: list[tuple[NDArray, NDArray]] = []
     for index, field in fields.items():
+        if np.array_equal(sampled[:, index], np.broadcast_to(start[index], sampled[:, index].shape)):
+            continue  # it deforms in its place: there is nothing to scale
         relative = _relative(sampled[:, index], start[index])
         if relative is None:
             pivots[index] = start[index, :3, 3]

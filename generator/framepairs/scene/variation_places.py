@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..transforms import Matrix, rigid, translation
-from .description import Mesh, SceneDescription
+from .description import Deformed, Mesh, SceneDescription
 from .variation_draws import Draws, groups
 from .variation_file import Placement, Variation
 from .variation_light import rotation_about
@@ -23,23 +23,23 @@ def vary_places(scene: SceneDescription, variation: Variation, seed: int, file: 
         return scene
     names = [item.name for item in scene.objects]
     placed = np.tile(np.eye(4), (len(names), 1, 1))  # world from the world before
+    start, poses = scene.world_from_object(0.0), scene.deformed(0.0) if scene.deformed else {}
     for number, rule in enumerate(variation.placement):
         draws = Draws(seed, "placement", number)
         for group, members in groups(rule.objects, names, file, f"placement.{number}.objects").items():
-            matrix = _place(scene, rule, draws, group, underside(scene, members, placed))
+            low_middle = _underside(scene, members, placed @ start, poses)
+            matrix = _place(scene, rule, draws, group, low_middle)
             placed[members] = matrix @ placed[members]
     world_from_object = scene.world_from_object
     return replace(scene, world_from_object=lambda time_s: placed @ world_from_object(time_s))
 
 
-def underside(scene: SceneDescription, members: list[int], placed: NDArray) -> NDArray[np.float64]:
-    """[3], middle of the bottom of the bounding box of objects at time 0, moved by `placed` [objects, 4, 4]."""
-    world = placed @ scene.world_from_object(0.0)
-    deformed = scene.deformed(0.0) if scene.deformed else {}
+def _underside(scene: SceneDescription, members: list[int], world: NDArray, poses: dict[int, Deformed]) -> NDArray[np.float64]:
+    """[3], middle of the bottom of the bounding box of objects at `world` [objects, 4, 4]; poses: of what deforms."""
     corners = []
     for index in members:
         mesh = scene.objects[index].mesh
-        positions = deformed.get(mesh, scene.meshes[mesh]).positions.astype(np.float64)
+        positions = poses.get(mesh, scene.meshes[mesh]).positions.astype(np.float64)
         if len(positions):
             points = positions @ world[index, :3, :3].T + world[index, :3, 3]
             corners += [points.min(axis=0), points.max(axis=0)]
