@@ -78,10 +78,11 @@ def with_mover(moves: Callable[[float], np.ndarray], end_s: float, mover: Mesh) 
 
 def world_triangles(scene: SceneDescription, time_s: float = 0.0) -> np.ndarray:
     """[n, 3, 3] corners of all triangles in world space, float64."""
-    found = []
+    found, poses = [], scene.deformed(time_s) if scene.deformed else {}
     for item, matrix in zip(scene.objects, scene.world_from_object(time_s), strict=True):
         mesh = scene.meshes[item.mesh]
-        found.append((mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])[mesh.faces])
+        positions = poses.get(item.mesh, mesh).positions.astype(np.float64)
+        found.append((positions @ matrix[:3, :3].T + matrix[:3, 3])[mesh.faces])
     return np.concatenate(found)
 
 
