@@ -9,14 +9,14 @@ import pytest
 
 from analytic import at, make_scene
 from framepairs.bundled import find_scene
-from framepairs.camera.track import prepare_track
+from framepairs.camera.track import cameras_at, prepare_track
 from framepairs.camera_path import make_camera_path, read_camera_path
 from framepairs.errors import InputError
 from framepairs.frame import Shoot
 from framepairs.sampling.clearance import clearance_of
 from framepairs.sampling.files import CamerasFile, make_options, parse_numbers, read_cameras, split_paths
 from framepairs.sampling.gaze import choose_gaze, direction_of
-from framepairs.sampling.path_frames import PathPoints, cameras_at
+from framepairs.sampling.path_frames import PathPoints
 from framepairs.sampling.plot import plot_paths
 from framepairs.sampling.probe import make_probe
 from framepairs.sampling.sampler import sample_cameras

@@ -7,7 +7,7 @@ import pytest
 
 from analytic import at, make_scene, quad
 from framepairs.camera.places import object_places
-from framepairs.camera.track import prepare_track, sample
+from framepairs.camera.track import cameras_at, prepare_track, sample
 from framepairs.camera_path import frame_times, make_camera_path, with_fps
 from framepairs.errors import InputError
 from framepairs.frame import Shoot
@@ -141,6 +141,14 @@ def test_at_a_cut_velocity_jumps_and_both_sides_are_their_own():
 def test_speed_along_the_curve_is_the_mean_one_between_two_keyframes():
     ends = [{"time": t, "position": [3 * t, 0, 0], "look_at": [0, 0, -9]} for t in (0, 2)]
     np.testing.assert_allclose(poses(keyed(*ends), [0.5, 1, 1.7])[:, 0, 3], [1.5, 3, 5.1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_many_times_at_once_are_those_one_by_one(name):
+    """Up to rounding: sums over many times and over one may be added up in another order."""
+    track, times = prepare_track(PATHS[name], Y_UP, places), np.linspace(-0.1, 4.2, 173)
+    found = cameras_at(track, times)
+    np.testing.assert_allclose(found, [sample(track, time).world_from_camera for time in times], atol=1e-12)
 
 
 def test_a_speed_is_the_speed_there():

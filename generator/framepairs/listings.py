@@ -35,7 +35,8 @@ def listed_scenes() -> list[Listed]:
         text = _readme(name)
         paragraphs = [part for part in text.split("\n\n") if not part.startswith(("#", "!", "|", "Frame "))]
         rows = re.findall(r"^\| ([^|]+) \| [^|]+ \|$", text, re.MULTILINE)
-        megabytes = sum(item.stat().st_size for item in file.parent.rglob("*") if item.suffix != ".py") / 1e6
+        kept = (item for item in file.parent.rglob("*") if item.is_file() and item.suffix not in (".py", ".pyc"))
+        megabytes = sum(item.stat().st_size for item in kept) / 1e6
         found.append(
             Listed(
                 name=name,

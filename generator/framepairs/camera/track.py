@@ -117,6 +117,23 @@ def sample(track: Track, time: float) -> CameraSample:
     )
 
 
+def cameras_at(track: Track, times: Array) -> Array:
+    """world_from_camera [t, 4, 4] at times [t] in seconds of the path, as `sample` has them, all at once; for keyframes and
+    moves."""
+    rest = np.array([at_rest(track.clock, float(time)) for time in times])
+    piece_of = np.maximum(np.searchsorted(track.begins, rest + slack(rest), side="right") - 1, 0)
+    matrices = np.empty((len(rest), 4, 4))
+    for index in np.unique(piece_of):
+        here = np.flatnonzero(piece_of == index)
+        matrices[here] = _piece_views(track, index, rest[here])[0]
+    if track.noise is not None:
+        for k, time in enumerate(rest.tolist()):
+            shot = track.pieces[piece_of[k]].shot
+            share = fade_between(time, *rests_around(track.clock, time, shot), track.fade_s)
+            matrices[k] = shaken(matrices[k], track.noise, time, share)
+    return matrices
+
+
 def smooth_headings(track: Track, index: int) -> Cubic:
     """Headings of a piece that looks steeply up or down somewhere: `camera.pieces.rotations_of` asks for them there."""
     if index not in track.headings:
@@ -125,14 +142,22 @@ def smooth_headings(track: Track, index: int) -> Cubic:
 
 
 def _piece_at(track: Track, index: int, time: float) -> tuple[Matrix, Array, int]:
+    matrices, lenses = _piece_views(track, index, np.array([time]))
+    return matrices[0], lenses[0], track.pieces[index].shot
+
+
+def _piece_views(track: Track, index: int, times: Array) -> tuple[Array, Array]:
+    """world_from_camera [t, 4, 4] and lenses [t, 6] at times [t] of one piece."""
     piece = track.pieces[index]
-    times = np.array([min(max(time, piece.begin), piece.end)])
-    rotation = rotations_of(piece, times, track.horizon, track.places, partial(smooth_headings, track, index))[0]
-    lens = cubic_at(piece.lens, np.array([time]))[0]
-    if lens[ROLL]:
-        cosine, sine = math.cos(lens[ROLL]), math.sin(lens[ROLL])
-        rotation = rotation @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-    return rigid(rotation, positions_at(piece, times, track.places)[0]), lens, piece.shot
+    inside = np.clip(times, piece.begin, piece.end)
+    matrices = np.tile(np.eye(4), (len(times), 1, 1))
+    matrices[:, :3, :3] = rotations_of(piece, inside, track.horizon, track.places, partial(smooth_headings, track, index))
+    matrices[:, :3, 3] = positions_at(piece, inside, track.places)
+    lenses = cubic_at(piece.lens, times)
+    for k in np.flatnonzero(lenses[:, ROLL]):
+        cosine, sine = math.cos(lenses[k, ROLL]), math.sin(lenses[k, ROLL])
+        matrices[k, :3, :3] = matrices[k, :3, :3] @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+    return matrices, lenses
 
 
 def _pose_table(path: CameraPath) -> PoseTable:

@@ -1,19 +1,13 @@
-"""Where the camera of a sampled path is, as the camera path language has it: at its frames, and close together between them.
-
-The same numbers as `Shoot.samples`, for thousands of times at once: paths of one shot, made of keyframes, without roll.
-"""
+"""Where the camera of a sampled path is, as the camera path language has it: at its frames, and close together between them."""
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera.clock import at_rest, rests_around, scene_times, slack
-from ..camera.pieces import positions_at, rotations_of
-from ..camera.shake import fade_between, shaken
-from ..camera.track import Track, prepare_track, smooth_headings
+from ..camera.clock import scene_times
+from ..camera.track import cameras_at, prepare_track
 from ..camera_path import CameraPath, frame_times
 from ..transforms import Vector
 
@@ -49,24 +43,6 @@ class PathPoints:
     def length(self) -> float:
         """Along the path, scene units."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
-
-
-def cameras_at(track: Track, times: NDArray) -> NDArray[np.float64]:
-    """world_from_camera [n, 4, 4] at times [n] in seconds of the path."""
-    rest = np.array([at_rest(track.clock, float(time)) for time in times])
-    piece_of = np.maximum(np.searchsorted(track.begins, rest + slack(rest), side="right") - 1, 0)
-    matrices = np.tile(np.eye(4), (len(rest), 1, 1))
-    for index in np.unique(piece_of):
-        piece, here = track.pieces[index], np.flatnonzero(piece_of == index)
-        inside = np.clip(rest[here], piece.begin, piece.end)
-        smooth = partial(smooth_headings, track, index)
-        matrices[here, :3, :3] = rotations_of(piece, inside, track.horizon, track.places, smooth)
-        matrices[here, :3, 3] = positions_at(piece, inside, track.places)
-    if track.noise is not None:
-        for index, time in enumerate(rest.tolist()):
-            share = fade_between(time, *rests_around(track.clock, time, 0), track.fade_s)
-            matrices[index] = shaken(matrices[index], track.noise, time, share)
-    return matrices
 
 
 def frames_of(path: CameraPath, up: Vector, origin: Vector) -> PathFrames:
