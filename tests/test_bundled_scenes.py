@@ -17,6 +17,7 @@ from framepairs.listings import pictured_frame
 from framepairs.options import make_job
 from framepairs.pipeline import render_sequence
 from framepairs.plan import plan_streams
+from framepairs.sampling.files import hinted_bounds
 from framepairs.scene.images import read_image
 from framepairs.validate import validate_corpus
 
@@ -42,6 +43,14 @@ def test_the_build_script_makes_the_committed_files_again(name, tmp_path):
             assert np.abs(a.astype(float) - b).max() <= (1 if a.dtype == np.uint8 else 1e-3), file
         elif file.suffix not in (".usdc", ".serialized"):
             assert len({hashlib.sha256((where / file).read_bytes()).digest() for where in (tmp_path, folder)}) == 1, file
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_its_files_beside_it_are_sound(name):
+    file = find_scene(name)
+    assert file.with_name(f"{name}.variation.json").is_file()
+    bounds = hinted_bounds(file)  # raises where it is not sound
+    assert bounds is None or np.all(np.subtract(bounds[3:], bounds[:3]) > 2)
 
 
 def said_constant(name: str) -> set[str]:

@@ -179,6 +179,27 @@ def test_sampled_paths_become_sequences_that_say_their_split(tmp_path):
     assert again.returncode == 2 and "count" in again.stderr
 
 
+def test_a_file_beside_the_scene_says_where_cameras_may_go(tmp_path):
+    file = stage(tmp_path)
+    hints = file.with_name("set.sampling.json")
+    hints.write_text(json.dumps({"version": 1, "bounds": [-1, 0, -1, 1, 2, 3]}))
+    sample = ("cameras", "sample", file, "--count", "1", "--frames", "2", "--json")
+    told = json.loads(framepairs(*sample, "--out", tmp_path / "a").stdout)
+    assert told["options"]["bounds"] == [-1, 0, -1, 1, 2, 3]
+    told = json.loads(framepairs(*sample, "--bounds=-2,0,-2,2,3,2", "--out", tmp_path / "b").stdout)
+    assert told["options"]["bounds"] == [-2, 0, -2, 2, 3, 2]
+    flat = '{"version": 1, "bounds": [0, 0, 0, 1, 1, 0]}'
+    for text, says in ((flat, "bounds"), ("{", "set.sampling.json"), ("{}", "version")):
+        hints.write_text(text)
+        done = framepairs(*sample, "--out", tmp_path / "c")
+        assert done.returncode == 2 and says in done.stderr and "set.sampling.json" in done.stderr, done.stderr
+        assert not (tmp_path / "c").exists()
+    hints.unlink()
+    (tmp_path / "elsewhere.json").write_text('{"version": 1, "bounds": [-1, 0, -1, 1, 2, 3]}')
+    hints.symlink_to(tmp_path / "elsewhere.json")
+    assert framepairs(*sample, "--out", tmp_path / "c").returncode == 2
+
+
 def test_the_same_path_at_another_frame_rate(tmp_path):
     file, out = stage(tmp_path), tmp_path / "corpus"
     path = tmp_path / "slide.json"

@@ -54,14 +54,14 @@ def sample_paths(
     json_: Json = False,
 ) -> None:
     """Sample camera paths through a scene's free space, split into train, val and test."""
-    from .sampling.files import make_options, parse_numbers
+    from .sampling.files import hinted_bounds, make_options, parse_numbers
 
+    file = find_scene(scene)
     options = make_options(
         count=count, frames=frames, styles=style and tuple(style), seed=seed, fps=fps, clearance_m=clearance, cell_m=cell,
-        view_distance_m=view_distance, bounds=parse_numbers(bounds, "-5,0,-5,5,4,5", "bounds"),
+        view_distance_m=view_distance, bounds=parse_numbers(bounds, "-5,0,-5,5,4,5", "bounds") or hinted_bounds(file),
         split=parse_numbers(split, "0.8,0.1,0.1", "split"),
     )  # fmt: skip
-    file = find_scene(scene)
     activate_backend(backend)
     from .sampling.writer import sample_into
     from .scene import load_scene

@@ -12,7 +12,7 @@ from .errors import InputError
 from .manifest import CorpusManifest, FrameRecord, SequenceIndex
 from .overlay_elements import OverlayFile
 from .plan import RenderPlan
-from .sampling.files import CamerasFile
+from .sampling.files import CamerasFile, SamplingHints
 from .scene.animation import SceneAnimation
 from .scene.variation_file import Variation
 
@@ -26,6 +26,7 @@ MODELS = {
     "scene_animation": SceneAnimation,
     "scene_variation": Variation,
     "cameras": CamerasFile,
+    "scene_sampling": SamplingHints,
 }
 
 

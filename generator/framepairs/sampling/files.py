@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from ..camera.keys import LARGEST, Finite, Rate
 from ..errors import InputError
 from ..manifest import Sha256, from_json
+from ..scene.containment import reach_of, within
 from ..transforms import Vector
 from .styles import STYLES
 
@@ -21,8 +22,17 @@ Share = Annotated[float, Field(ge=0, le=1)]
 LONGEST_S = 10_000.0  # of a path
 
 
+Bounds = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
+
+
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _in_order(bounds: Bounds | None) -> Bounds | None:
+    if bounds is not None and not all(a < b for a, b in zip(bounds[:3], bounds[3:], strict=True)):
+        raise ValueError("the first corner must lie below the second on every axis")
+    return bounds
 
 
 class SamplingOptions(_Model):
@@ -40,7 +50,7 @@ class SamplingOptions(_Model):
     view_distance_m: Positive | None = Field(
         None, description="metres up to which a surface counts as seen; null: 20, less in scenes smaller than 4 m"
     )
-    bounds: tuple[Finite, Finite, Finite, Finite, Finite, Finite] | None = Field(
+    bounds: Bounds | None = Field(
         None, description="least and greatest corner of where cameras may go, scene units; null: fitted to the scene"
     )
     split: tuple[Share, Share, Share] = Field((0.8, 0.1, 0.1), description="shares of train, val and test")
@@ -69,12 +79,16 @@ class SamplingOptions(_Model):
             raise ValueError(f"{self.frames} frames at {self.fps:g} fps last {seconds:g} s: at most {LONGEST_S:g}")
         return self
 
-    @field_validator("bounds")
-    @classmethod
-    def _in_order(cls, bounds: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if bounds is not None and not all(a < b for a, b in zip(bounds[:3], bounds[3:], strict=True)):
-            raise ValueError("the first corner must lie below the second on every axis")
-        return bounds
+    _ordered = field_validator("bounds")(_in_order)
+
+
+class SamplingHints(_Model):
+    """`<stem>.sampling.json` beside a scene: what `framepairs cameras sample` should know of it."""
+
+    version: Literal[1]
+    bounds: Bounds = Field(description="least and greatest corner of where cameras may go, scene units; --bounds goes before")
+
+    _ordered = field_validator("bounds")(_in_order)
 
 
 class PathRecord(_Model):
@@ -158,6 +172,17 @@ def parse_numbers(text: str | None, example: str, field: str) -> tuple[float, ..
 def read_cameras(file: Path) -> CamerasFile:
     """Raises InputError naming file and field."""
     return from_json(CamerasFile, file)
+
+
+def hinted_bounds(scene: Path) -> Bounds | None:
+    """Where cameras may go, by the file `<stem>.sampling.json` beside a scene file; None where there is none.
+
+    Raises InputError naming that file and the field, also where it is a link out of the scene's folder.
+    """
+    file = scene.with_name(f"{scene.stem}.sampling.json")
+    if not (file.is_file() or file.is_symlink()):
+        return None
+    return from_json(SamplingHints, within(reach_of(scene), file.name, file=file)).bounds
 
 
 def split_paths(middles: NDArray, shares: tuple[float, float, float], seed: int) -> list[Split]:
