@@ -1,6 +1,6 @@
 """Camera paths: JSON files with keyframes, explicit poses or moves (docs/camera_paths.md), their models and their frames.
 
-Times are seconds, so that a path gives equal poses at equal times whatever its frame rate. `camera_track` samples them.
+Times are seconds, so that a path gives equal poses at equal times whatever its frame rate. `camera.track` samples them.
 """
 
 import json

@@ -70,7 +70,7 @@ class Ahead:
 @dataclass(frozen=True, kw_only=True)
 class Piece:
     """begin, end: seconds; outside it stands still. shot: index. knots: [k] times at which curves change. fields: of the
-    knots, for messages. lens: values [k, 6], see camera_lens."""
+    knots, for messages. lens: values [k, 6], see `camera.lens`."""
 
     begin: float
     end: float

@@ -1,7 +1,7 @@
 """Camera paths sampled through a scene's free space, one after the other, each where most is still unseen.
 
 A path is a walk over reachable cells, smoothed, with viewing directions towards what few earlier paths have seen, or none;
-of several, the one that sees most of that is taken, if it keeps its clearance (`path_clearance` says what that means).
+of several, the one that sees most of that is taken, if it keeps its clearance (`sampling.clearance` says what that means).
 Objects are avoided where they are at each frame's time; what is seen is judged as the scene is at time 0.
 """
 
