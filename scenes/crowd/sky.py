@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from scenes.making.images import mix, noise, save_radiance, smooth
+from scenes.making.images import mix, noise, save_radiance, sky_directions, smooth
 
 TO_SUN = np.array([0.82, 0.47, 0.24]) / np.linalg.norm([0.82, 0.47, 0.24])
 
@@ -11,11 +11,7 @@ TO_SUN = np.array([0.82, 0.47, 0.24]) / np.linalg.norm([0.82, 0.47, 0.24])
 def write_sky(folder: Path) -> None:
     """512 x 256, half, beside the scene as <scene>.environment.exr: pale blue, haze, wisps of cloud, roofs, grey ground."""
     height, width = 256, 512
-    polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
-    azimuth = (0.5 - (np.arange(width) + 0.5)[None, :] / width) * 2 * np.pi
-    direction = np.stack(
-        [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, np.sin(polar) * np.cos(azimuth)], axis=-1
-    )
+    direction = sky_directions(height, width)
     up, towards = direction[..., 1], np.clip(direction @ TO_SUN, -1, 1)
     haze = np.exp(-np.maximum(up, 0) * 5.0)
     colour = mix((0.17, 0.34, 0.72), (0.82, 0.83, 0.84), haze)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from scenes.making.images import mix, noise, save_radiance, smooth
+from scenes.making.images import mix, noise, save_radiance, sky_directions, smooth
 
 TO_SUN = np.array([-0.80, 0.54, -0.36]) / np.linalg.norm([-0.80, 0.54, -0.36])
 
@@ -11,11 +11,7 @@ TO_SUN = np.array([-0.80, 0.54, -0.36]) / np.linalg.norm([-0.80, 0.54, -0.36])
 def write_sky(folder: Path) -> None:
     """512 x 256, half: pale blue zenith, warm mist around the sun, cool mist opposite, tree tops, a dark wood below."""
     height, width = 256, 512
-    polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
-    azimuth = (0.5 - (np.arange(width) + 0.5)[None, :] / width) * 2 * np.pi
-    direction = np.stack(
-        [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, np.sin(polar) * np.cos(azimuth)], axis=-1
-    )
+    direction = sky_directions(height, width)
     up, towards = direction[..., 1], np.clip(direction @ TO_SUN, -1, 1)
     warm = smooth(-0.5, 1.0, towards)
     mist = mix((0.50, 0.58, 0.66), (1.25, 0.98, 0.62), warm)

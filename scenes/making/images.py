@@ -86,6 +86,15 @@ def blocks(height: int, width: int, columns: int, rows: int):
     return edge, row * columns + column % columns
 
 
+def sky_directions(height: int, width: int) -> np.ndarray:
+    """[height, width, 3], unit directions of the texels of a latitude-longitude image, y up."""
+    polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
+    azimuth = (0.5 - (np.arange(width) + 0.5)[None, :] / width) * 2 * np.pi
+    return np.stack(
+        [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, np.sin(polar) * np.cos(azimuth)], axis=-1
+    )
+
+
 def save_radiance(folder: Path, name: str, radiance: np.ndarray) -> None:
     """Write [height, width, 3] as a half EXR with 6 bits of mantissa: steps of 1.6 %, a third of the size."""
     half = np.ascontiguousarray(radiance.astype(np.float16))

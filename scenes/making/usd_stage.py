@@ -80,13 +80,7 @@ class Stage:
                 "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
             )
             st.Set(Vt.Vec2fArray.FromNumpy((shape.st / tile).round(5).astype(np.float32)))
-        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(self.materials[material])
-        if any(place):
-            mesh.AddTranslateOp().Set(Gf.Vec3d(*(round(float(v), 5) for v in place)))
-        if turn:
-            mesh.AddRotateYOp().Set(float(turn))
-        if size != 1:
-            mesh.AddScaleOp().Set(Gf.Vec3f(size))
+        self._placed(mesh, material, place, turn, size)
         self.triangles, self.objects = self.triangles + len(shape.faces), self.objects + 1
 
     def add_faceted(self, path: str, shape: Shape, material: str, place=(0, 0, 0), turn: float = 0, size: float = 1) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from scenes.making.images import mix, noise, save_radiance, smooth
+from scenes.making.images import mix, noise, save_radiance, sky_directions, smooth
 
 TO_SUN = np.array([-0.8, 0.5, 0.33]) / np.linalg.norm([-0.8, 0.5, 0.33])
 CLOUDS = 3.2  # side of the periodic field of clouds, in heights of their layer
@@ -32,11 +32,7 @@ def clouds(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def write_sky(folder: Path) -> None:
     """768 x 384, half: blue zenith, warm haze, lit and shaded clouds, a soft glow around the sun, roofs, grey ground."""
     height, width = 384, 768
-    polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
-    azimuth = (0.5 - (np.arange(width) + 0.5)[None, :] / width) * 2 * np.pi
-    direction = np.stack(
-        [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, np.sin(polar) * np.cos(azimuth)], axis=-1
-    )
+    direction = sky_directions(height, width)
     up, towards = direction[..., 1], np.clip(direction @ TO_SUN, -1, 1)
     colour = mix((0.13, 0.3, 0.7), (0.86, 0.8, 0.74), np.exp(-np.maximum(up, 0) * 6.0))
     colour = mix(colour, np.array([1.05, 0.78, 0.5]), 0.55 * np.exp(-np.maximum(up, 0) * 9) * smooth(-0.2, 0.9, towards))

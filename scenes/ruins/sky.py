@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from scenes.making.images import mix, noise, save_radiance, smooth
+from scenes.making.images import mix, noise, save_radiance, sky_directions, smooth
 
 TO_SUN = np.array([-0.60, 0.37, -0.71]) / np.linalg.norm([-0.60, 0.37, -0.71])
 
@@ -11,11 +11,7 @@ TO_SUN = np.array([-0.60, 0.37, -0.71]) / np.linalg.norm([-0.60, 0.37, -0.71])
 def write_sky(folder: Path) -> None:
     """640 x 320, half: slate-blue zenith, amber horizon towards the sun, lit clouds, dark ground."""
     height, width = 320, 640
-    polar = (np.arange(height) + 0.5)[:, None] / height * np.pi
-    azimuth = (0.5 - (np.arange(width) + 0.5)[None, :] / width) * 2 * np.pi
-    direction = np.stack(
-        [np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth, np.sin(polar) * np.cos(azimuth)], axis=-1
-    )
+    direction = sky_directions(height, width)
     up, towards = direction[..., 1], np.clip(direction @ TO_SUN, -1, 1)
     level = TO_SUN * [1, 0, 1] / np.hypot(TO_SUN[0], TO_SUN[2])
     side = 0.5 + 0.5 * (direction @ level)  # 1 on the sun's side

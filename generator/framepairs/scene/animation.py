@@ -6,7 +6,6 @@ Before the first and after the last keyframe things stand still. Matrices are ta
 and follow the same rule; those with a shear, which that cannot hold, run along a line component by component.
 """
 
-import json
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,10 +14,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ..errors import InputError
 from ..transforms import Matrix, quaternion_from_rotation, rigid, rotation_from_quaternion, slerp
+from .beside import read_beside
 from .containment import Reach, within
 from .description import CameraView, SceneCamera, SceneDescription
 
@@ -117,18 +117,7 @@ def with_animation(scene: SceneDescription, file: Path, reach: Reach) -> SceneDe
 
 def read_animation(file: Path) -> SceneAnimation:
     """Raises InputError naming the file and the field."""
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"larger than {LARGEST_FILE} bytes", file=file)
-        return SceneAnimation.model_validate(json.loads(file.read_bytes()))
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=file) from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or None
-        raise InputError(first["msg"].removeprefix("Value error, "), file=file, field=field) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not JSON: {error}", file=file) from None
+    return read_beside(SceneAnimation, file, LARGEST_FILE)
 
 
 def apply_animation(scene: SceneDescription, file: Path) -> SceneDescription:

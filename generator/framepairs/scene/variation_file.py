@@ -3,13 +3,12 @@
 Ranges are [low, high]; a number is drawn evenly from them. Names are patterns of shell style (`*`, `?`, `[abc]`), case counts.
 """
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ..errors import InputError
+from .beside import read_beside
 
 LARGEST_FILE = 2**24  # bytes
 LARGEST = 1e6
@@ -149,15 +148,4 @@ def variation_beside(file: Path) -> Path:
 
 def read_variation(file: Path) -> Variation:
     """Raises InputError naming the file and the field."""
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"larger than {LARGEST_FILE} bytes", file=file)
-        return Variation.model_validate(json.loads(file.read_bytes()))
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=file) from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"]) or None
-        raise InputError(first["msg"].removeprefix("Value error, "), file=file, field=field) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not JSON: {error}", file=file) from None
+    return read_beside(Variation, file, LARGEST_FILE)
