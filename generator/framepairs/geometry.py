@@ -5,7 +5,7 @@ object and triangle, so that a kernel has no virtual calls and a thousand instan
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ class Geometry:
             slot = free[0]
             self._slots = [other for other in self._slots if other is not slot]
             self._move(slot, placed)
-            slot = _Slot(placed, slot.shapes, slot.groups, self._pose(slot.pose.scene, placed))
+            slot = replace(slot, placed=placed, pose=self._pose(slot.pose.scene, placed))
             self._slots.append(slot)
         return slot
 
@@ -127,7 +127,7 @@ class Geometry:
         named = {f"group_{mesh}": group for mesh, group in groups.items()}
         named |= {f"object_{index}": shape for index, shape in enumerate(shapes)}
         scene = mi.load_dict({"type": "scene", **named})
-        return _Slot(placed, shapes, own, self._pose(scene, placed))
+        return _Slot(placed, shapes, own, mi.traverse(scene), self._pose(scene, placed))
 
     def _shape(self, index: int, placed: _Placement, groups: dict[int, mi.Shape]) -> mi.Shape:
         item = self._scene.objects[index]
@@ -146,26 +146,20 @@ class Geometry:
             if self._instanced[index]:
                 if same:
                     continue
-                parameters = mi.traverse(slot.shapes[index])
-                transform = mi.Transform4f(_invertible(matrix))
-                dr.make_opaque(transform)
-                parameters["to_world"], changed = transform, f"object_{index}.to_world"
+                # A literal, for kernels read transforms from tables of ours: opaque, it would be 32 arrays to read back.
+                slot.parameters[f"object_{index}.to_world"] = mi.Transform4f(_invertible(matrix))
             else:
                 positions, before = (self._positions(item.mesh, p) for p in (placed, slot.placed))
                 if same and np.array_equal(positions, before):
                     continue
-                parameters = mi.traverse(slot.shapes[index])
-                parameters["vertex_positions"] = mi.Float(_moved(positions, matrix).ravel())
-                changed = f"object_{index}.vertex_positions"
-            parameters.update()
-        if changed is not None:
-            scene = mi.traverse(slot.pose.scene)
-            scene.set_dirty(changed)
-            scene.update()
+                slot.parameters[f"object_{index}.vertex_positions"] = mi.Float(_moved(positions, matrix).ravel())
+            changed = True
+        if changed:
+            slot.parameters.update()
 
-    def _reshape_groups(self, slot: "_Slot", placed: _Placement) -> str | None:
-        """Gives the groups of meshes that deform their vertices; the name of one of their instances, or None."""
-        changed = None
+    def _reshape_groups(self, slot: "_Slot", placed: _Placement) -> bool:
+        """Gives the groups of meshes that deform their vertices, and marks an instance of each."""
+        changed = False
         for mesh, group in slot.groups.items():
             positions = self._positions(mesh, placed)
             if not np.array_equal(positions, self._positions(mesh, slot.placed)):
@@ -173,7 +167,8 @@ class Geometry:
                 parameters["mesh.vertex_positions"] = mi.Float(positions.ravel())
                 parameters.update()
                 user = next(k for k, item in enumerate(self._scene.objects) if item.mesh == mesh)
-                changed = f"object_{user}.to_world"
+                slot.parameters.set_dirty(f"object_{user}.to_world")
+                changed = True
         return changed
 
     def _positions(self, mesh: int, placed: _Placement) -> NDArray[np.float32]:
@@ -206,9 +201,12 @@ class Geometry:
 
 @dataclass(frozen=True)
 class _Slot:
+    """A Mitsuba scene: its shapes, the groups that deform, and what `mi.traverse` found in it."""
+
     placed: _Placement
     shapes: list
     groups: dict[int, mi.Shape]
+    parameters: mi.SceneParameters
     pose: Pose
 
 
