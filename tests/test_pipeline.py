@@ -59,13 +59,13 @@ def test_files_are_where_outsiders_expect_them(reference):
 def test_frame_records_have_the_documented_keys(reference):
     record = json.loads((reference / "two_quads_slide/frames/000002.json").read_text())
     assert set(record) == {
-        "frame", "time_s", "frame_time_ms", "reset", "exposure_ev", "camera", "streams", "files", "key"
+        "frame", "time_s", "frame_time_ms", "reset", "exposure_ev", "camera", "streams", "files", "parts", "inputs", "key"
     }  # fmt: skip
     assert set(record["camera"]) == {
         "fov_y_rad", "near", "far", "view_from_world", "clip_from_view", "previous_view_from_world",
         "previous_clip_from_view",
     }  # fmt: skip
-    counted = {"saturated", "fireflies", "rejected_paths"}
+    counted = {"saturated", "fireflies", "rejected_paths", "part"}
     assert all(set(s) == {"size", "scale", "jitter", "mip_bias", *counted} for s in record["streams"].values())
     assert all(set(f) == {"path", "sha256", "size"} for f in record["files"])
 

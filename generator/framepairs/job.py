@@ -1,7 +1,8 @@
-"""One sequence to render into a corpus: what it needs, the key of its frames, and its entry in corpus.json."""
+"""One sequence to render into a corpus: what it needs, what its frames are made from, and its entry in corpus.json."""
 
+import hashlib
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -10,17 +11,18 @@ from .brdf_tables import brdf_table, table_channel
 from .camera_path import CameraPath
 from .channels import Channel, channels_with
 from .conventions import CONVENTIONS, Stream
+from .digests import digest
 from .errors import InputError
 from .exr import encode
 from .frame import Shoot
 from .manifest import (
+    LOCK,
     Constant,
     CorpusManifest,
     SequenceRecord,
     TableRecord,
     frame_key,
     from_json,
-    make_folder,
     to_json,
     write_atomically,
 )
@@ -31,11 +33,14 @@ from .scene.description import SceneDescription
 from .scene.needs import Need, channel_needs, equal_streams, table_need
 
 EVERYWHERE = ("motion", "visibility")  # channels whose constant holds in the background too
+# What makes a sequence another one. All else about it may change: then its frames are compared part by part.
+NAMING = ("scene", "environment", "camera_path_name", "animation_clip", "overlay", "variation", "split")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One sequence to render. scene must be lit (`light_scene`); the names are what the manifest says."""
+    """One sequence to render. scene must be lit (`light_scene`); the names are what the manifest says. variant: of Mitsuba,
+    that renders; where workers do, it need not be this process's."""
 
     scene: SceneDescription
     scene_name: str
@@ -50,6 +55,7 @@ class Job:
     variation: int | None = None
     camera_scene: SceneDescription | None = None
     split: str = "train"
+    variant: str = field(default_factory=lambda: mi.variant())
 
     @cached_property
     def shoot(self) -> Shoot:
@@ -101,71 +107,109 @@ class Job:
     def scene_sha256(self) -> str:
         return scene_hash(self.scene)
 
-    def key(self, frame: int) -> str:
-        """Of everything that decides the frame's pixels: which streams and channels there are does not."""
-        plan = self.plan.model_dump(mode="json", exclude=set(STREAM_KEYS | {"channels"}))
-        return frame_key(
-            {
-                "plan": plan,
-                "scene": self.scene_sha256,
-                "environment": self.environment,
-                "animation_clip": self.clip,
-                "overlay": self.overlay_sha256,
-                "camera_path": self.path.model_dump(mode="json"),
-                "sequence": self.sequence,
-                "frame": frame,
-                "versions": versions(),
-                "backend": mi.variant(),
-            }
-        )
+    @cached_property
+    def scene_content(self) -> str:
+        """sha256 of what the scene is at all times: meshes, textures, materials, sky, and what lights are chosen by."""
+        scene = self.scene
+        kept = self.scene_sha256 if any(material.bsdf is not None for material in scene.materials) else None
+        still = (scene.meshes, scene.textures, scene.materials, scene.objects, scene.environment, kept)
+        return digest((still, scene.metres_per_unit, scene.squared_diagonal))
+
+    @cached_property
+    def seed(self) -> int:
+        """Of the sequence's light paths, 32 bits."""
+        return int(hashlib.sha256(f"{self.plan.seed} {self.sequence}".encode()).hexdigest()[:8], 16)
+
+    @cached_property
+    def sources(self) -> dict:
+        """What a frame is made from, as it came in: files, path, plan and versions."""
+        return {
+            "plan": self.plan.model_dump(mode="json", exclude=set(STREAM_KEYS | {"channels"})),
+            "scene": self.scene_sha256,
+            "environment": self.environment,
+            "animation_clip": self.clip,
+            "overlay": self.overlay_sha256,
+            "camera_path": self.path.model_dump(mode="json"),
+            "sequence": self.sequence,
+            "versions": versions(),
+            "backend": self.variant,
+        }
+
+    def inputs(self, frame: int) -> str | None:
+        """sha256 of `sources` and the frame: where it is a record's, nothing that decides the frame has changed. None for a
+        scene without files, about which it would say nothing."""
+        return frame_key({**self.sources, "frame": frame}) if self.scene.files else None
 
 
-def open_corpus(job: Job, *, add_streams: bool = False) -> None:
-    """Write corpus.json, or check the one that is there and add the sequence to it.
+@dataclass(frozen=True)
+class Opened:
+    """A corpus on the way to a new manifest. changes: whether what lies there may have been made from something else."""
 
-    Raises InputError for a corpus of another plan; with `add_streams`, scales and variants may grow.
+    manifest: CorpusManifest
+    table: bytes | None
+    changes: bool
+
+
+def open_corpus(job: Job, *, add_streams: bool = False, update: bool = False) -> Opened:
+    """What corpus.json will be with the job's sequence in it. Nothing is written.
+
+    Raises InputError for a corpus of another plan; with `add_streams`, scales and variants may grow, and with `update` the
+    plan of a corpus without other sequences may change. Also for a sequence of that name that is another scene's or path's.
     """
     file = job.out / "corpus.json"
-    sequences: dict[str, SequenceRecord] = {}
-    existing_table = None
+    existing: CorpusManifest | None = None
     if file.is_file():
-        existing: CorpusManifest = from_json(CorpusManifest, file)
-        _refuse_other_plan(existing.plan, job.plan, file, add_streams)
-        sequences, existing_table = dict(existing.sequences), existing.brdf_table
-    elif job.out.is_dir() and any(job.out.iterdir()):
+        existing = from_json(CorpusManifest, file)
+        others = [name for name in existing.sequences if name != job.sequence]
+        if not (update and not others):
+            _refuse_other_plan(existing.plan, job.plan, file, add_streams, others if update else None)
+    elif job.out.is_dir() and any(name.name != LOCK for name in job.out.iterdir()):
         raise InputError("is not empty and holds no corpus.json: choose another folder with --out", file=job.out)
-    make_folder(job.out)
-    known = sequences.get(job.sequence)
-    entry = _sequence_record(job)
-    if known is not None and add_streams:
-        known = known.model_copy(update={"equal_streams": entry.equal_streams})
-    if known is not None and known != entry:
-        differing = next(key for key in type(entry).model_fields if getattr(known, key) != getattr(entry, key))
-        raise InputError(f"sequence {job.sequence} is there with another {differing}", file=file, field=differing)
-    for left_over in (job.out / job.sequence).rglob(".*.part"):
-        left_over.unlink(missing_ok=True)  # of a render that was killed
+    sequences = dict(existing.sequences) if existing else {}
+    known, entry = sequences.get(job.sequence), _sequence_record(job)
+    if known is not None:
+        _refuse_other_sequence(known, entry, job.sequence, file)
     table, data = _table(job) if table_need(job.scene, job.plan).needed else (None, None)
     manifest = CorpusManifest(
         plan=job.plan,
-        backend=mi.variant(),
+        backend=job.variant,
         versions=versions(),
         conventions=CONVENTIONS,
         channels=[_channel_row(channel) for channel in job.table],
         streams=[_stream_row(job.plan, stream) for stream in plan_streams(job.plan)],
-        brdf_table=table or existing_table,
+        brdf_table=table or (existing.brdf_table if existing else None),
         sequences={**sequences, job.sequence: entry},
     )
-    write_atomically(file, to_json(manifest))
-    if table is not None:
-        write_atomically(job.out / table.path, data)
+    changes = known is not None and (not job.scene.files or to_json(manifest) != file.read_bytes())
+    return Opened(manifest, data, changes)
 
 
-def _refuse_other_plan(existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool) -> None:
+def write_manifest(job: Job, opened: Opened) -> None:
+    """Write corpus.json and the table, and clear away what a killed render left. Raises MachineError."""
+    for left_over in (job.out / job.sequence).rglob(".*.part"):
+        left_over.unlink(missing_ok=True)
+    write_atomically(job.out / "corpus.json", to_json(opened.manifest))
+    if opened.table is not None:
+        write_atomically(job.out / opened.manifest.brdf_table.path, opened.table)
+
+
+def _refuse_other_sequence(known: SequenceRecord, entry: SequenceRecord, name: str, file: Path) -> None:
+    for key in NAMING:
+        old, new = getattr(known, key), getattr(entry, key)
+        both_its_own = key == "environment" and {old, new} == {None, "default"}  # a scene may gain its first light
+        if old != new and not both_its_own:
+            raise InputError(f"sequence {name} is there with another {key}", file=file, field=key)
+
+
+def _refuse_other_plan(
+    existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool, others: list[str] | None
+) -> None:
     for key in RenderPlan.model_fields:
         old, new = getattr(existing, key), getattr(wanted, key)
         extends = add_streams and key in ("scales", "variants") and new[: len(old)] == old
         if old != new and not extends:
-            raise InputError(f"the corpus has {key} = {old}, not {new}", file=file, field=f"plan.{key}")
+            way = f"; sequence {others[0]} has it, too" if others else "; --update renders again what it decides"
+            raise InputError(f"the corpus has {key} = {old}, not {new}{way}", file=file, field=f"plan.{key}")
 
 
 def _table(job: Job) -> tuple[TableRecord, bytes]:

@@ -7,6 +7,7 @@ written last, so that a frame that has one is whole. None holds a time stamp or 
 import hashlib
 import json
 import os
+import secrets
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,6 +18,7 @@ from .camera_path import CameraPath
 from .errors import InputError, MachineError
 from .plan import RenderPlan
 
+LOCK = ".lock"  # at the top of a corpus that is being written
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 
@@ -47,6 +49,7 @@ class StreamRecord(_Model):
     saturated: int = Field(description="values cut to the largest half float")
     fireflies: int = Field(0, description="pixels that owe more than half of their light to one of at least 8 light paths")
     rejected_paths: int = Field(0, description="light paths that were not finite and count as black")
+    part: Sha256 | None = Field(None, description="sha256 of this stream's own: size, samples, bias, jitter, seed")
 
 
 class FileRecord(_Model):
@@ -68,7 +71,9 @@ class FrameRecord(_Model):
     camera: CameraRecord
     streams: dict[str, StreamRecord]
     files: list[FileRecord]
-    key: Sha256 = Field(description="sha256 of everything that decides this frame's pixels")
+    parts: dict[str, Sha256] = Field({}, description="sha256 by part of what decides the pixels")
+    inputs: Sha256 | None = Field(None, description="sha256 of the files, plan and versions behind the parts")
+    key: Sha256 = Field(description="sha256 of `parts`: of everything that decides this frame's pixels")
 
 
 class FrameEntry(_Model):
@@ -173,7 +178,7 @@ def frame_key(values: dict[str, Any]) -> str:
 
 def write_atomically(file: Path, data: bytes) -> None:
     """The file appears whole or not at all. Raises MachineError naming the file."""
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+    temporary = file.with_name(f".{file.name}.{secrets.token_hex(4)}.part")  # others may write the same file
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

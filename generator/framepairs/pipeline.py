@@ -1,45 +1,93 @@
-"""Renders a sequence into a corpus: frames in order, rendering beside encoding and writing, resuming by itself.
+"""Renders a sequence into a corpus: rendering beside encoding and writing, resuming by itself.
 
-A frame's files are written first, each atomically, its record last. What already lies there is kept where the record's key
-equals the key of what would be rendered and every stream is in it.
+A frame's files are written first, each atomically, its record last: a frame with a record is whole. Memory holds two frames at
+most, however long the sequence is.
 """
 
-import hashlib
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from pathlib import Path
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 
 from .backend import dr
 from .channels import Channel
-from .conventions import CONVENTIONS, Stream, frame_name
+from .conventions import CONVENTIONS, frame_name
 from .engine import Engine, StreamFrame
-from .errors import InputError
+from .errors import MachineError
 from .exr import encode
-from .frame import FrameState, frame_states
-from .job import Job, open_corpus
+from .frame import FrameState, check_frames
+from .frame_parts import stream_part
+from .job import Job, open_corpus, write_manifest
+from .locking import corpus_lock
 from .manifest import (
     CameraRecord,
     FileRecord,
     FrameRecord,
     StreamRecord,
-    from_json,
+    frame_key,
     rebuild_sequence_index,
     to_json,
     write_atomically,
 )
+from .resume import Wanted, drop_outdated, record_file, stream_files, wanted_of
 
 FLOAT_COLORS = frozenset({"color", "emission", "brdf"})
-WRITERS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameProfile:
+    """What a frame cost, in seconds: state (scene and camera at its time), render (until its arrays are there), encode and
+    write (its files, summed over threads), wait (what of that was not hidden behind the next frame). launches, compiled: of
+    kernels, where they were counted."""
+
+    state: float
+    render: float
+    encode: float = 0.0
+    write: float = 0.0
+    wait: float = 0.0
+    launches: int | None = None
+    compiled: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """One frame is on disk. rendered: False where it was there already."""
+    """One frame is on disk. rendered: False where it was there already; why: what made it necessary. worker: who did it, where
+    there are several."""
 
     frame: int
     rendered: bool
     bytes: int
+    why: str = ""
+    profile: FrameProfile | None = None
+    worker: str = ""
+
+
+Renderer = Callable[[Job, Sequence[int]], Iterator[Progress]]
+
+
+@dataclass(frozen=True)
+class _Written:
+    file: FileRecord
+    saturated: int
+    encode_s: float
+    write_s: float
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """A frame on its way to the disk. files: of each stream."""
+
+    wanted: Wanted
+    rendered: list[StreamFrame]
+    files: list[list[Future]]
+    profile: FrameProfile | None
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def estimated_bytes(job: Job, frames: int) -> int:
@@ -48,50 +96,91 @@ def estimated_bytes(job: Job, frames: int) -> int:
     return frames * pixels * sum(channel.bytes_per_pixel for channel in job.channels)
 
 
-def render_sequence(job: Job, frames: Sequence[int], *, add_streams: bool = False) -> Iterator[Progress]:
+def render_sequence(
+    job: Job,
+    frames: Sequence[int],
+    *,
+    add_streams: bool = False,
+    update: bool = False,
+    profile: bool = False,
+    renderer: Renderer | None = None,
+) -> Iterator[Progress]:
     """Render `frames` of the job's path into its corpus, and yield after each frame is on disk.
 
-    At the first step, raises InputError for an existing corpus of another plan; later, MachineError where a file cannot be
-    written.
+    Frames that lie there and would come out the same stay; those that would not are rendered again, and `why` says what
+    changed. add_streams: the plan may have more scales and variants than the corpus. update: its other keys may differ, too.
+    renderer: who renders, instead of this process.
+
+    At the first step, raises InputError for a corpus of another plan, and MachineError for one that another process writes;
+    later, MachineError where a file cannot be written.
     """
-    states = frame_states(job.shoot, frames)
+    check_frames(frames, len(job.shoot))
     folder = job.out / job.sequence
     # What cannot be drawn is refused before anything is written.
-    engine = Engine(job.scene, job.plan, job.overlay) if not folder.is_dir() else None
-    open_corpus(job, add_streams=add_streams)
-    with ThreadPoolExecutor(WRITERS) as writers:
-        waiting: list[tuple[FrameState, FrameRecord | None, list]] = []
-        for state in states:
-            record = _existing_record(job, folder, state.frame)
-            missing = [s for s in job.streams if record is None or s.name not in record.streams]
-            if not missing:
-                while waiting:
-                    yield _finish(job, folder, *waiting.pop(0))
-                yield Progress(frame=state.frame, rendered=False, bytes=0)
-                continue
-            if engine is None:
-                engine = Engine(job.scene, job.plan, job.overlay)
-            jobs = [_submit(job, engine, writers, folder, state, stream) for stream in missing]
-            waiting.append((state, record, jobs))
-            if len(waiting) > 1:  # one frame is being written while the next is rendered
-                yield _finish(job, folder, *waiting.pop(0))
-        for item in waiting:
-            yield _finish(job, folder, *item)
-    rebuild_sequence_index(folder)
+    engine = Engine(job.scene, job.plan, job.overlay) if renderer is None and not folder.is_dir() else None
+    with corpus_lock(job.out) as lost:
+        opened = open_corpus(job, add_streams=add_streams, update=update)
+        outdated = drop_outdated(job, frames) if opened.changes else {}
+        write_manifest(job, opened)
+        steps = render_frames(job, frames, engine=engine, profile=profile) if renderer is None else renderer(job, frames)
+        for step in steps:
+            if lost.is_set():
+                raise MachineError(f"{job.out}: another process took over this corpus while we wrote into it")
+            yield replace(step, why=outdated.get(step.frame, step.why))
+        rebuild_sequence_index(folder)
     dr.flush_malloc_cache()
 
 
-def _submit(job: Job, engine: Engine, writers: ThreadPoolExecutor, folder: Path, state: FrameState, stream: Stream):
+def render_frames(
+    job: Job,
+    frames: Sequence[int],
+    *,
+    engine: Engine | None = None,
+    profile: bool = False,
+    writers: int | None = None,
+) -> Iterator[Progress]:
+    """Render what `frames` lack into an opened corpus; the caller holds its lock. writers: threads that encode and write.
+
+    engine: of this job, if there is one already."""
+    engines = [engine] if engine is not None else []
+    with ThreadPoolExecutor(writers or max(2, usable_cores())) as pool:
+        waiting: list[_Pending] = []
+        for frame in frames:
+            wanted = wanted_of(job, frame)
+            if wanted.streams and not engines:
+                engines.append(Engine(job.scene, job.plan, job.overlay))
+            if wanted.as_recorded:
+                yield from (_finish(waiting.pop(0)) for _ in waiting[:])
+                yield Progress(frame=frame, rendered=False, bytes=0)
+                continue
+            waiting.append(_render(engines, pool, wanted, profile))
+            if len(waiting) > 1:  # one frame is being written while the next is rendered
+                yield _finish(waiting.pop(0))
+        for item in waiting:
+            yield _finish(item)
+
+
+def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, profile: bool) -> _Pending:
+    """Render the streams that a frame lacks, and hand their arrays to the threads that encode and write."""
+    if not wanted.streams:
+        return _Pending(wanted, [], [], None)
+    job, start = wanted.job, time.perf_counter()
     names = frozenset(channel.name for channel in job.channels)
-    seed = int(hashlib.sha256(f"{job.plan.seed} {job.sequence}".encode()).hexdigest()[:8], 16)
-    rendered = engine.render(state, stream, names, seed)
-    files = [writers.submit(_write_channel, job, folder, state.frame, rendered, channel) for channel in job.channels]
-    return rendered, files
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, profile):
+        state = wanted.state
+        middle = time.perf_counter()
+        streams = [engines[0].render(state, stream, names, job.seed) for stream in wanted.streams]
+        costs = FrameProfile(state=middle - start, render=time.perf_counter() - middle)
+        if profile:
+            kernels = [entry for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT]
+            compiled = sum(not entry["cache_hit"] for entry in kernels)
+            costs = replace(costs, launches=len(kernels), compiled=compiled)
+    write = partial(pool.submit, _write_channel, job, wanted.frame)
+    return _Pending(wanted, streams, [[write(stream, channel) for channel in job.channels] for stream in streams], costs)
 
 
-def _write_channel(
-    job: Job, folder: Path, frame: int, rendered: StreamFrame, channel: Channel
-) -> tuple[FileRecord, int]:
+def _write_channel(job: Job, frame: int, rendered: StreamFrame, channel: Channel) -> _Written:
+    start = time.perf_counter()
     relative = f"{rendered.stream.name}/{channel.name}/{frame_name(frame)}.exr"
     attributes = {
         "framepairs:sequence": job.sequence,
@@ -101,42 +190,57 @@ def _write_channel(
     as_float = job.plan.color_precision == "float" and channel.name in FLOAT_COLORS
     array = rendered.arrays.pop(channel.name)
     encoded = encode(channel, array, attributes=attributes, dtype="float" if as_float else None)
-    write_atomically(folder / relative, encoded.data)
-    return FileRecord(path=relative, sha256=encoded.sha256, size=len(encoded.data)), encoded.saturated
+    middle = time.perf_counter()
+    write_atomically(job.out / job.sequence / relative, encoded.data)
+    file = FileRecord(path=relative, sha256=encoded.sha256, size=len(encoded.data))
+    return _Written(file, encoded.saturated, middle - start, time.perf_counter() - middle)
 
 
-def _finish(job: Job, folder: Path, state: FrameState, before: FrameRecord | None, jobs: list) -> Progress:
+def _finish(pending: _Pending) -> Progress:
     """Wait for the frame's files, then write its record."""
-    streams = dict(before.streams) if before else {}
-    files = list(before.files) if before else []
-    fresh = 0
-    for rendered, futures in jobs:
-        stream = rendered.stream
-        written: list[tuple[FileRecord, int]] = [future.result() for future in futures]
-        files += [record for record, _ in written]
-        fresh += sum(record.size for record, _ in written)
-        streams[stream.name] = StreamRecord(
-            size=stream.size,
-            scale=stream.effective_scale(job.plan.display),
-            jitter=rendered.jitter,
-            mip_bias=stream.mip_bias,
-            saturated=sum(saturated for _, saturated in written),
-            fireflies=rendered.fireflies,
-            rejected_paths=rendered.rejected_paths,
-        )
-    record = FrameRecord(
+    wanted, start = pending.wanted, time.perf_counter()
+    job, state, record = wanted.job, wanted.state, wanted.record
+    written = [[future.result() for future in futures] for futures in pending.files]
+    waited = time.perf_counter() - start
+    fresh = {r.stream.name: _stream_record(job, state, r, files) for r, files in zip(pending.rendered, written, strict=True)}
+    kept = {path for s in job.streams if s.name not in fresh for path in stream_files(job, s, wanted.frame)}
+    before, every = record.files if record else [], [item for group in written for item in group]
+    new = FrameRecord(
         frame=state.frame,
         time_s=state.time_s,
         frame_time_ms=state.frame_time_ms,
         reset=state.reset,
         exposure_ev=state.exposure_ev,
         camera=_camera_record(state),
-        streams=streams,
-        files=sorted(files, key=lambda item: item.path),
-        key=job.key(state.frame),
+        streams={stream.name: fresh.get(stream.name) or record.streams[stream.name] for stream in job.streams},
+        files=sorted([*(f for f in before if f.path in kept), *(item.file for item in every)], key=lambda item: item.path),
+        parts=wanted.parts,
+        inputs=job.inputs(wanted.frame),
+        key=frame_key(wanted.parts),
     )
-    write_atomically(folder / "frames" / f"{frame_name(state.frame)}.json", to_json(record))
-    return Progress(frame=state.frame, rendered=True, bytes=fresh)
+    write_atomically(record_file(job, wanted.frame), to_json(new))
+    for surplus in {item.path for item in before} - {item.path for item in new.files}:
+        (job.out / job.sequence / surplus).unlink(missing_ok=True)  # of channels and streams that there are no more
+    costs = pending.profile
+    if costs is not None:
+        encode_s, write_s = sum(item.encode_s for item in every), sum(item.write_s for item in every)
+        costs = replace(costs, encode=encode_s, write=write_s, wait=waited)
+    size = sum(item.file.size for item in every)
+    return Progress(frame=wanted.frame, rendered=bool(wanted.streams), bytes=size, why=wanted.why, profile=costs)
+
+
+def _stream_record(job: Job, state: FrameState, rendered: StreamFrame, written: list[_Written]) -> StreamRecord:
+    stream = rendered.stream
+    return StreamRecord(
+        size=stream.size,
+        scale=stream.effective_scale(job.plan.display),
+        jitter=rendered.jitter,
+        mip_bias=stream.mip_bias,
+        saturated=sum(item.saturated for item in written),
+        fireflies=rendered.fireflies,
+        rejected_paths=rendered.rejected_paths,
+        part=stream_part(job, state, stream),
+    )
 
 
 def _camera_record(state: FrameState) -> CameraRecord:
@@ -149,16 +253,3 @@ def _camera_record(state: FrameState) -> CameraRecord:
         previous_view_from_world=state.previous_camera.view_from_world.tolist(),
         previous_clip_from_view=state.previous_camera.clip_from_view.tolist(),
     )
-
-
-def _existing_record(job: Job, folder: Path, frame: int) -> FrameRecord | None:
-    """The record of a frame that is there and would come out the same; None otherwise."""
-    file = folder / "frames" / f"{frame_name(frame)}.json"
-    if not file.is_file():
-        return None
-    try:
-        record = from_json(FrameRecord, file)
-    except InputError:
-        return None  # a damaged record is a frame to render again
-    whole = all((folder / item.path).is_file() and (folder / item.path).stat().st_size == item.size for item in record.files)
-    return record if whole and record.key == job.key(frame) else None
