@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import secrets
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -176,8 +177,8 @@ def frame_key(values: dict[str, Any]) -> str:
     return hashlib.sha256(rfc8785.dumps(values)).hexdigest()
 
 
-def write_atomically(file: Path, data: bytes) -> None:
-    """The file appears whole or not at all. Raises MachineError naming the file."""
+def write_atomically(file: Path, data: bytes, sync: bool = True) -> None:
+    """The file appears whole or not at all. sync: and outlives a loss of power. Raises MachineError naming the file."""
     temporary = file.with_name(f".{file.name}.{secrets.token_hex(4)}.part")  # others may write the same file
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -187,12 +188,27 @@ def write_atomically(file: Path, data: bytes) -> None:
         with open(temporary, "wb") as stream:
             stream.write(data)
             stream.flush()
-            os.fsync(stream.fileno())
+            if sync:
+                os.fsync(stream.fileno())
         os.replace(temporary, file)
     except OSError as error:
         raise MachineError(f"{file}: cannot be written: {error.strerror}") from None
     finally:
         temporary.unlink(missing_ok=True)  # after a failure or an interrupt; else it has become the file
+
+
+def sync_files(files: Iterable[Path]) -> None:
+    """Files that were written without `sync` are on the disk. Together they cost little more than one: file systems commit
+    what is waiting at once. Raises MachineError naming the file."""
+    for file in files:
+        try:
+            descriptor = os.open(file, os.O_RDONLY)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            raise MachineError(f"{file}: cannot be written: {error.strerror}") from None
 
 
 def make_folder(folder: Path) -> None:

@@ -79,16 +79,18 @@ def make_job(
     overlay: str | Path | None = None,
     vary: int | None = None,
     fps: float | None = None,
+    path: tuple[CameraPath, str] | None = None,
 ):
     """The Job of a scene; `stored` is the SequenceRecord that it must repeat. overlay: a file, 'none', 'scene' for the one
-    beside the scene, or None for that if there is one. vary: seed of the content. fps: instead of the path's."""
+    beside the scene, or None for that if there is one. vary: seed of the content. fps: instead of the path's. path: with its
+    name, instead of `camera`."""
     from .job import Job  # activates a back end
 
     if environment is not None and not environment.is_file():
         raise InputError("no such environment", file=environment)
     lit, light = light_scene(read_scene(file, clip, plan, allow_outside), environment)
-    path, path_name = (stored.camera_path, stored.camera_path_name) if stored else camera_path_of(scene, camera, lit)
-    path, path_name = _at_rate(path, path_name, fps)
+    given = (stored.camera_path, stored.camera_path_name) if stored else path
+    path, path_name = _at_rate(*(given or camera_path_of(scene, camera, lit)), fps)
     as_it_is = lit if vary is not None else None
     if vary is not None:
         lit = varied_scene(lit, file, vary, allow_outside, environment)

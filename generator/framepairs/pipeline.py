@@ -1,7 +1,7 @@
 """Renders a sequence into a corpus: rendering beside encoding and writing, resuming by itself.
 
-A frame's files are written first, each atomically, its record last: a frame with a record is whole. Memory holds two frames at
-most, however long the sequence is.
+One thread renders. Others encode and write the files of the frame before, each atomically; then one makes them last and
+writes the frame's record: a frame with a record is whole. Memory holds two frames at most, however long the sequence is.
 """
 
 import os
@@ -28,6 +28,7 @@ from .manifest import (
     StreamRecord,
     frame_key,
     rebuild_sequence_index,
+    sync_files,
     to_json,
     write_atomically,
 )
@@ -39,14 +40,14 @@ FLOAT_COLORS = frozenset({"color", "emission", "brdf"})
 @dataclass(frozen=True, kw_only=True)
 class FrameProfile:
     """What a frame cost, in seconds: state (scene and camera at its time), render (until its arrays are there), encode and
-    write (its files, summed over threads), wait (what of that was not hidden behind the next frame). launches, compiled: of
-    kernels, where they were counted."""
+    write (its files, summed over threads), close (until they last and have a record). launches, compiled: of kernels, where
+    they were counted."""
 
     state: float
     render: float
     encode: float = 0.0
     write: float = 0.0
-    wait: float = 0.0
+    close: float = 0.0
     launches: int | None = None
     compiled: int | None = None
 
@@ -122,7 +123,8 @@ def render_sequence(
         opened = open_corpus(job, add_streams=add_streams, update=update)
         outdated = drop_outdated(job, frames) if opened.changes else {}
         write_manifest(job, opened)
-        steps = render_frames(job, frames, engine=engine, profile=profile) if renderer is None else renderer(job, frames)
+        engines = [] if engine is None else [engine]
+        steps = render_frames(job, frames, engines=engines, profile=profile) if renderer is None else renderer(job, frames)
         for step in steps:
             if lost.is_set():
                 raise MachineError(f"{job.out}: another process took over this corpus while we wrote into it")
@@ -135,29 +137,28 @@ def render_frames(
     job: Job,
     frames: Sequence[int],
     *,
-    engine: Engine | None = None,
+    engines: list[Engine] | None = None,
     profile: bool = False,
     writers: int | None = None,
 ) -> Iterator[Progress]:
     """Render what `frames` lack into an opened corpus; the caller holds its lock. writers: threads that encode and write.
 
-    engine: of this job, if there is one already."""
-    engines = [engine] if engine is not None else []
-    with ThreadPoolExecutor(writers or max(2, usable_cores())) as pool:
-        waiting: list[_Pending] = []
+    engines: of this job, one or none; an engine that is made is left there for the next call."""
+    engines = [] if engines is None else engines
+    with ThreadPoolExecutor(1) as closer, ThreadPoolExecutor(writers or max(2, usable_cores())) as pool:
+        waiting: list[Future[Progress]] = []
         for frame in frames:
             wanted = wanted_of(job, frame)
             if wanted.streams and not engines:
                 engines.append(Engine(job.scene, job.plan, job.overlay))
             if wanted.as_recorded:
-                yield from (_finish(waiting.pop(0)) for _ in waiting[:])
+                yield from (waiting.pop(0).result() for _ in waiting[:])
                 yield Progress(frame=frame, rendered=False, bytes=0)
                 continue
-            waiting.append(_render(engines, pool, wanted, profile))
+            waiting.append(closer.submit(_close, _render(engines, pool, wanted, profile)))
             if len(waiting) > 1:  # one frame is being written while the next is rendered
-                yield _finish(waiting.pop(0))
-        for item in waiting:
-            yield _finish(item)
+                yield waiting.pop(0).result()
+        yield from (item.result() for item in waiting)
 
 
 def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, profile: bool) -> _Pending:
@@ -191,17 +192,18 @@ def _write_channel(job: Job, frame: int, rendered: StreamFrame, channel: Channel
     array = rendered.arrays.pop(channel.name)
     encoded = encode(channel, array, attributes=attributes, dtype="float" if as_float else None)
     middle = time.perf_counter()
-    write_atomically(job.out / job.sequence / relative, encoded.data)
+    write_atomically(job.out / job.sequence / relative, encoded.data, sync=False)
     file = FileRecord(path=relative, sha256=encoded.sha256, size=len(encoded.data))
     return _Written(file, encoded.saturated, middle - start, time.perf_counter() - middle)
 
 
-def _finish(pending: _Pending) -> Progress:
-    """Wait for the frame's files, then write its record."""
-    wanted, start = pending.wanted, time.perf_counter()
+def _close(pending: _Pending) -> Progress:
+    """Wait for the frame's files and make them last, then write its record."""
+    wanted, folder = pending.wanted, pending.wanted.job.out / pending.wanted.job.sequence
     job, state, record = wanted.job, wanted.state, wanted.record
     written = [[future.result() for future in futures] for futures in pending.files]
-    waited = time.perf_counter() - start
+    start = time.perf_counter()
+    sync_files(folder / item.file.path for group in written for item in group)
     fresh = {r.stream.name: _stream_record(job, state, r, files) for r, files in zip(pending.rendered, written, strict=True)}
     kept = {path for s in job.streams if s.name not in fresh for path in stream_files(job, s, wanted.frame)}
     before, every = record.files if record else [], [item for group in written for item in group]
@@ -220,11 +222,11 @@ def _finish(pending: _Pending) -> Progress:
     )
     write_atomically(record_file(job, wanted.frame), to_json(new))
     for surplus in {item.path for item in before} - {item.path for item in new.files}:
-        (job.out / job.sequence / surplus).unlink(missing_ok=True)  # of channels and streams that there are no more
+        (folder / surplus).unlink(missing_ok=True)  # of channels and streams that there are no more
     costs = pending.profile
     if costs is not None:
         encode_s, write_s = sum(item.encode_s for item in every), sum(item.write_s for item in every)
-        costs = replace(costs, encode=encode_s, write=write_s, wait=waited)
+        costs = replace(costs, encode=encode_s, write=write_s, close=time.perf_counter() - start)
     size = sum(item.file.size for item in every)
     return Progress(frame=wanted.frame, rendered=bool(wanted.streams), bytes=size, why=wanted.why, profile=costs)
 

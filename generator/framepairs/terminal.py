@@ -46,6 +46,14 @@ def print_description(scene, found: dict, channels: list) -> None:
         out_console.print("single-sided objects are drawn from both sides; --set cull_back_faces=true leaves their backs out")
 
 
+def print_profile(profiles: dict[int, dict]) -> None:
+    """A line per frame: seconds by stage, and kernels."""
+    columns = list(next(iter(profiles.values())))
+    rows = [(frame, *(f"{v:.3f}" if isinstance(v, float) else "" if v is None else v for v in values.values()))
+            for frame, values in profiles.items()]  # fmt: skip
+    print_table("seconds by stage (encode, write: summed over threads), and kernels", ["frame", *columns], rows)
+
+
 def _saving_text(size: int | None, milliseconds: float | None) -> tuple[str, str]:
     if size is None:
         return "?", "?"
