@@ -104,7 +104,7 @@ def connected(fleet: Fleet, variant: str) -> Iterator[Any]:
             if address is None:
                 cluster = stack.enter_context(SpecCluster(**_own_cluster(fleet, variant), silence_logs=QUIET))
                 address = cluster.scheduler_address
-            client = stack.enter_context(Client(address, security=security, timeout=30, set_as_default=False))
+            client = stack.enter_context(Client(address, security=security, timeout=min(30, fleet.patience_s), set_as_default=False))
             client.wait_for_workers(1, timeout=fleet.patience_s)
         except TimeoutError:
             raise MachineError(f"no worker came to {address} within {fleet.patience_s:g} s") from None
@@ -184,7 +184,7 @@ def _is_shared(job: Job, frame: int) -> bool:
     while not file.is_file():
         if time.monotonic() - start > SHARING_S:
             raise MachineError(f"{file}: a worker wrote it, and it is not here: --out must be a folder that all machines share")
-        list(file.parent.iterdir())  # makes a network file system look again
+        os.listdir(job.out)  # makes a network file system look again
         time.sleep(0.2)
     return True
 
