@@ -70,18 +70,16 @@ class Geometry:
         self._scene = scene
         uses = np.bincount([item.mesh for item in scene.objects], minlength=len(scene.meshes))
         deforms = [scene.meshes[item.mesh].deforms for item in scene.objects]
-        self._instanced = [
-            uses[item.mesh] > 1 or (item.moves and not deforming)
-            for item, deforming in zip(scene.objects, deforms, strict=True)
-        ]
+        pairs = zip(scene.objects, deforms, strict=True)
+        self._instanced = [uses[item.mesh] > 1 or (item.moves and not deforming) for item, deforming in pairs]
         self._fixed = [not item.moves for item in scene.objects]
         grouped = {item.mesh for item, instanced in zip(scene.objects, self._instanced, strict=True) if instanced}
         self._changing = sorted(mesh for mesh in grouped if scene.meshes[mesh].deforms)
         self._groups = {mesh: _group(scene.meshes[mesh]) for mesh in sorted(grouped - {*self._changing})}
         self._slots: list[_Slot] = []
         self._statics: tuple[bytes, dict[int, mi.Shape]] | None = None
-        self._vertices = _vertices(scene)
-        self._still = tuple(mi.Float(array.ravel()) for array in self._vertices)
+        self._still = tuple(mi.Float(array.ravel()) for array in _vertices(scene))
+        self._first_vertex = np.cumsum([0, *(len(mesh.positions) for mesh in scene.meshes)])
         self.hides = scene.visible is not None
         self.culls = cull_back_faces and not all(item.double_sided for item in scene.objects)
         self.tables: Tables | None = None
@@ -175,18 +173,15 @@ class Geometry:
         return placed.deformed.get(mesh, self._scene.meshes[mesh]).positions
 
     def _pose(self, scene: mi.Scene | None, placed: _Placement) -> Pose:
-        positions, normals = self._still
-        if placed.deformed:
-            arrays = [array.copy() for array in self._vertices]
-            for mesh, vertices in placed.deformed.items():
-                first = sum(len(other.positions) for other in self._scene.meshes[:mesh])
-                arrays[0][first : first + len(vertices.positions)] = vertices.positions
-                if vertices.normals is not None:
-                    arrays[1][first : first + len(vertices.positions)] = vertices.normals
-            positions, normals = (mi.Float(array.ravel()) for array in arrays)
-        hidden = placed.hidden if len(placed.hidden) else np.zeros(1, dtype=bool)
+        positions, normals = (mi.Float(array) for array in self._still)  # copied, on the device, when something is put in
+        for mesh, vertices in placed.deformed.items():
+            first = int(self._first_vertex[mesh])
+            _put(positions, first, vertices.positions)
+            if vertices.normals is not None:
+                _put(normals, first, vertices.normals)
+        hidden = mi.Bool(placed.hidden if len(placed.hidden) else np.zeros(1, dtype=bool))
         precise = mi.Float64(placed.precise.ravel()) if placed.precise.size else dr.opaque(mi.Float64, 0)
-        return Pose(scene, _upload(placed.matrices), precise, positions, normals, mi.Bool(hidden))
+        return Pose(scene, _upload(placed.matrices), precise, positions, normals, hidden)
 
     def _retabulate(self) -> None:
         numbers = [_registry_numbers(slot.shapes) for slot in self._slots]
@@ -232,6 +227,12 @@ def _invertible(matrix: NDArray[np.float32]) -> list[list[float]]:
 def _moved(positions: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     exact = matrix.astype(np.float64)
     return (positions.astype(np.float64) @ exact[:, :3].T + exact[:, 3]).astype(np.float32)
+
+
+def _put(values: mi.Float, first: int, rows: NDArray[np.float32]) -> None:
+    """Replaces rows [n, 3] of `values` from row `first` on; what stands still is not uploaded again."""
+    place = dr.arange(mi.UInt32, rows.size) + dr.opaque(mi.UInt32, 3 * first)
+    dr.scatter(values, mi.Float(rows.ravel()), place)
 
 
 def _upload(matrices: NDArray) -> mi.Float:
