@@ -39,8 +39,14 @@ test: setup
 	$(BIN)/ruff check generator tests scenes
 	$(BIN)/python -m pytest
 
+# What some benchmarks take here: their defaults would make an hour of it.
+SHORT_camera_sampler := --count 1
+SHORT_split_sum := $(VENV)/split_sum.svg 128
+SHORT_steady := 100
+SHORT_textures := 240 135
+
 bench: setup
-	@for file in tests/benchmarks/bench_*.py; do $(BIN)/python $$file || exit 1; done
+	@set -e; $(foreach file,$(sort $(wildcard tests/benchmarks/bench_*.py)),$(BIN)/python $(file) $(SHORT_$(patsubst bench_%.py,%,$(notdir $(file))));)
 
 schemas: setup
 	$(BIN)/python -m framepairs.schemas

@@ -112,8 +112,14 @@ def test_a_worker_with_another_scene_is_refused_and_says_so(client, files, tmp_p
 def test_bad_input_is_not_tried_again_and_names_the_file(client, files, tmp_path):
     job = job_in(files, tmp_path / "corpus")
     order = replace(order_of(job), scene_file=tmp_path / "gone.obj")
+
+    def errors(dask_scheduler) -> int:
+        return sum(entry[2] == "erred" or entry[1:3] == ("processing", "waiting") for entry in dask_scheduler.transition_log)
+
+    before = client.run_on_scheduler(errors)
     with pytest.raises(InputError, match="gone.obj: no such scene"):
         list(rendered(client, job, order=order))
+    assert client.run_on_scheduler(errors) == before
     assert not list(job.out.glob("*/frames/*")) and not (job.out / ".lock").exists()
 
 

@@ -104,7 +104,8 @@ def connected(fleet: Fleet, variant: str) -> Iterator[Any]:
             if address is None:
                 cluster = stack.enter_context(SpecCluster(**_own_cluster(fleet, variant), silence_logs=QUIET))
                 address = cluster.scheduler_address
-            client = stack.enter_context(Client(address, security=security, timeout=min(30, fleet.patience_s), set_as_default=False))
+            patience = min(30, fleet.patience_s)
+            client = stack.enter_context(Client(address, security=security, timeout=patience, set_as_default=False))
             client.wait_for_workers(1, timeout=fleet.patience_s)
         except TimeoutError:
             raise MachineError(f"no worker came to {address} within {fleet.patience_s:g} s") from None

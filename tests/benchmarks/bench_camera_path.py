@@ -7,6 +7,7 @@ largest error of places along curves against adaptive quadrature (SciPy's quad),
 import time
 
 import numpy as np
+from history import record
 from scipy.integrate import quad
 
 from framepairs.camera import splines
@@ -59,13 +60,18 @@ def error(parts: int, points: np.ndarray) -> float:
 
 
 def main() -> None:
+    ratios, errors = {}, {}
     for count in (100, 10_000, 100_000):
         reading, preparing, sampling = costs(count)
         print(f"{count:7} keyframes: read {reading:.3f} s, prepare {preparing:.3f} s, 1000 samples {sampling:.3f} s")
+        ratios[f"{count} keyframes: read / 1000 samples"] = reading / sampling
+        ratios[f"{count} keyframes: prepare / 1000 samples"] = preparing / sampling
     random = np.random.default_rng(0)
     smooth, wild = np.cumsum(random.normal(size=(40, 3)), axis=0), random.normal(size=(40, 3))
     for parts in (1, 2, 4, 8):
-        print(f"{parts} parts of 8 nodes: error {error(parts, smooth):.1e} (a walk), {error(parts, wild):.1e} (sharp turns)")
+        walk, turns = errors[f"{parts} parts"] = error(parts, smooth), error(parts, wild)
+        print(f"{parts} parts of 8 nodes: error {walk:.1e} (a walk), {turns:.1e} (sharp turns)")
+    record("camera_path", ratios, errors=errors)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import argparse
 import time
 
 import numpy as np
+from history import record
 
 from framepairs.bundled import find_scene
 from framepairs.sampling.coverage import seen_cells
@@ -45,6 +46,7 @@ def main() -> None:
     sample_cameras(scene, make_options(**common | {"count": 1}, cell_m=2.0))
     print(f"{given.scene}: {given.count} {given.style} paths of 100 frames")
     print(f"{'cell, m':>8} {'rays':>5} {'explore, CPU s':>15} {'all, CPU s':>11} {'own coverage':>13} {'by 0.7 m cells':>15}")
+    spent_by, ratios = {}, {}
     for cell, rays in RUNS:
         options = make_options(**common, cell_m=cell, rays=rays)
         start = time.process_time()
@@ -53,8 +55,12 @@ def main() -> None:
         start = time.process_time()
         sampling = sample_cameras(scene, options)
         spent = time.process_time() - start
-        own = sampling.file.coverage
-        print(f"{cell:8.2f} {rays:5d} {explored:15.1f} {spent:11.1f} {own:13.3f} {judged(judge, sampling):15.3f}", flush=True)
+        own, seen = sampling.file.coverage, judged(judge, sampling)
+        print(f"{cell:8.2f} {rays:5d} {explored:15.1f} {spent:11.1f} {own:13.3f} {seen:15.3f}", flush=True)
+        spent_by[cell, rays] = spent
+        ratios[f"{cell} m, {rays} rays: coverage by 0.7 m cells"] = seen
+    costs = {f"{cell} m, {rays} rays: time / 1.0 m, 96 rays": t / spent_by[1.0, 96] for (cell, rays), t in spent_by.items()}
+    record("camera_sampler", ratios | costs, scene=given.scene, count=given.count, style=given.style)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from history import record
+
 from analytic import Stage, at, make_scene, path_of
 from framepairs.backend import dr, mi
 from framepairs.gbuffer import camera_ray
@@ -103,6 +105,8 @@ def main() -> None:
         print(f"{seconds / rays:8.1f} x  {name} ({1000 * seconds:.0f} ms)")
     one, each = (pose_seconds(wood(shared)) for shared in (True, False))
     print(f"1000 clusters that bend: pose {1000 * one:.0f} ms with one mesh, {each / one:.1f} x with a mesh for each")
+    ratios = {f"{name} / raw primary rays": seconds / rays for name, seconds in least.items() if name != "raw primary rays"}
+    record("deform", ratios | {"1000 clusters: a mesh for each / one mesh": each / one}, rays_ms=1000 * rays, size=list(SIZE))
 
 
 if __name__ == "__main__":

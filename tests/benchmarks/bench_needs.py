@@ -13,6 +13,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from history import record
+
 from framepairs.backend import mi
 from framepairs.pipeline import render_sequence
 from test_left_out import plain_job
@@ -40,6 +42,7 @@ def main() -> None:
     everything = f"{1000 * least['all']:.0f} ms and {disk['all'] / 1e6:.2f} MB"
     print(f"{size[0]}x{size[1]}, {mi.variant()}: {everything} a frame with everything;")
     print(f"what is needed alone: {ratios[0]:.2f} of the time, {ratios[1]:.2f} of the bytes")
+    record("needs", dict(zip(("needed / all: time", "needed / all: bytes"), ratios, strict=True)), size=list(size))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from history import record
+
 from analytic import Stage, at, make_scene, path_of, uv_sphere
 from framepairs.scene.default_sky import default_environment
 from framepairs.scene.description import Material
@@ -76,7 +78,8 @@ def main() -> None:
     curves = measure(paths)
     if len(sys.argv) > 1:
         plot(curves, Path(sys.argv[1]))
-    assert all(np.isfinite(rows).all() for rows in curves.values())
+    means = {f"{name}, roughness {r:g}: mean difference": mean for name, rows in curves.items() for r, mean, *_ in rows}
+    record("split_sum", means, paths=paths)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ import time
 from dataclasses import replace
 from functools import partial
 
+from history import record
+
 from framepairs.backend import dr, mi
 from framepairs.bundled import find_camera_path, find_scene
 from framepairs.camera_path import read_camera_path
@@ -52,6 +54,7 @@ def main() -> None:
     plan = make_plan({"display": (width, height), "scales": (2,), "channels": "all"})
     path, hr = read_camera_path(find_camera_path("market")), plan_streams(plan)[0]
     print(f"{width}x{height}, {mi.variant()}, frame 10 of market; over the same pass without textures")
+    found = {}
     for title, scene in (("as it is", market), ("masks made solid", with_materials(market, alpha="opaque"))):
         state = Shoot(scene, path, width / height).state(10)
         engines = {"no textures": Engine(with_materials(scene, **dict.fromkeys(SLOTS)), plan)}
@@ -63,6 +66,8 @@ def main() -> None:
             seconds = least({name: partial(engine.render, state, hr, channels, 0) for name, engine in engines.items()})
             ratios = "   ".join(f"{name} {value / seconds['no textures']:.2f}" for name, value in seconds.items())
             print(f"{title}, {what} ({1000 * seconds['no textures']:.0f} ms):   {ratios}")
+            found |= {f"{title}, {what}: {name}": seconds[name] / seconds["no textures"] for name in FILTERS}
+    record("textures", found, size=[width, height])
 
 
 if __name__ == "__main__":
