@@ -209,6 +209,14 @@ def test_only_chosen_channels_are_written(tmp_path):
         corpus.read("two_quads_slide", "hr", "albedo", 0)
 
 
+def test_a_profile_counts_no_compilation_after_the_second_frame(tmp_path):
+    steps = list(render_sequence(two_quads_job(tmp_path / "corpus", **SMALL), range(6), profile=True))
+    assert [step.profile.compiled for step in steps[2:]] == [0] * 4
+    assert all(0 < step.profile.launches < 20 for step in steps[2:])  # a few per stream
+    parts = ("state", "render", "encode", "write", "close")
+    assert all(getattr(step.profile, part) > 0 for step in steps for part in parts)
+
+
 def test_the_estimate_is_an_upper_bound(reference):
     job = two_quads_job(reference, **SMALL)
     written = sum(file.stat().st_size for file in (reference / "two_quads_slide").rglob("*.exr"))
