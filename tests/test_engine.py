@@ -1,9 +1,12 @@
 """What the engine compiles and runs: one kernel per pass, replayed; passes that nobody needs never run."""
 
+import random
+
 import numpy as np
 
 from analytic import ALL, Stage, at, make_scene, path_of, quad
-from framepairs.backend import dr
+from framepairs.backend import dr, mi
+from framepairs.engine import fetch
 from framepairs.scene.description import Material
 from sample_corpus import two_quads
 
@@ -24,6 +27,28 @@ def test_no_kernel_is_compiled_after_the_second_frame():
                 stage.arrays(frame, stream)
             counts.append(compilations(dr.kernel_history()))
     assert counts[2:] == [0, 0, 0, 0], counts
+
+
+def test_no_kernel_is_compiled_after_the_second_frame_of_all_streams_together():
+    """Things that move, all channels, two scales in all variants, launched at once."""
+    cameras = [at(0.01 * k, 0, 0) for k in range(6)]
+    stage = Stage(two_quads(), path_of(*cameras), scales=(2, 3), variants=("native", "jittered", "mip", "jittered_mip"))
+    counts = []
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        for frame in range(6):
+            dr.kernel_history_clear()
+            fetch(stage.engine.launch(stage.shoot.state(frame), list(stage.streams.values()), ALL, 0))
+            counts.append(compilations(dr.kernel_history()))
+    assert counts[2:] == [0, 0, 0, 0], counts
+
+
+def test_the_counter_of_compilations_counts():
+    """Kernels of earlier runs lie on the disk and are none; one with a number of its own is."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for _ in range(2):
+            dr.eval(dr.arange(mi.Float, 7) * random.random())  # a literal: it is baked in
+        assert compilations(dr.kernel_history()) == 2
 
 
 def test_passes_that_no_channel_asks_for_do_not_run():

@@ -127,7 +127,7 @@ def test_a_folder_that_is_not_shared_is_noticed(client, files, tmp_path, monkeyp
     monkeypatch.setattr(fleets, "SHARING_S", 0.5)
     job = job_in(files, tmp_path / "corpus")
     order = replace(order_of(job), out=tmp_path / "elsewhere")
-    with pytest.raises(MachineError, match="a worker wrote it, and it is not here: --out must be a folder that all machines share"):
+    with pytest.raises(MachineError, match="a worker wrote it, and it is not here: --out must be a folder that all"):
         list(rendered(client, job, order=order))
 
 

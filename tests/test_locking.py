@@ -33,7 +33,8 @@ def holder(tmp_path):
 
 
 def foreign_lock(folder, **changes):
-    fields = {"pid": 1, "host": "elsewhere", "mode": "lease", "token": "0" * 32, "duration": locking.LEASE_S, "start": 1} | changes
+    fields = {"pid": 1, "host": "elsewhere", "mode": "lease", "token": "0" * 32, "duration": locking.LEASE_S, "start": 1}
+    fields |= changes
     folder.mkdir()
     (folder / ".lock").write_text("filelock/2\n" + "".join(f"{key}={value}\n" for key, value in fields.items()))
 
@@ -49,7 +50,8 @@ def test_a_lock_leaves_nothing_behind(tmp_path):
 
 
 def test_a_second_writer_is_refused_and_told_who_the_first_is(tmp_path, holder):
-    with pytest.raises(MachineError, match=f"corpus: process {holder.pid} on .* is writing this corpus"), corpus_lock(tmp_path / "corpus"):
+    says = f"corpus: process {holder.pid} on .* is writing this corpus"
+    with pytest.raises(MachineError, match=says), corpus_lock(tmp_path / "corpus"):
         pass
     assert holder.poll() is None and (tmp_path / "corpus" / ".lock").is_file()
 

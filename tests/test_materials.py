@@ -92,10 +92,10 @@ def test_a_texture_has_one_pyramid_for_each_of_its_roles():
     scene = scene_of(opaque, again, mask, half, other, normal, textures=(first, second))
     table = build_materials(scene)
     base = np.array(table.slots).reshape(-1, 4)
-    assert len(np.array(table.textures.levels)) == 4
+    assert len(np.array(table.textures.first_level)) == 4
     assert base[0, 0] == base[0, 1] == base[1, 0] and base[2, 0] == base[3, 0]
     assert len({base[0, 0], base[2, 0], base[4, 0], base[5, 2]}) == 4
-    assert len(np.array(build_materials(scene, settings=TextureSettings(mask_coverage=False)).textures.levels)) == 2
+    assert len(np.array(build_materials(scene, settings=TextureSettings(mask_coverage=False)).textures.first_level)) == 2
 
 
 @pytest.mark.parametrize("opacity", [1.0, 0.7])

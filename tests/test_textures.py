@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from framepairs import textures
 from framepairs.backend import dr, mi
 from framepairs.mip_pyramids import NORMAL, Role, mip_pyramid
 from framepairs.scene.description import Texture
+from framepairs.texels import _half
 from framepairs.textures import build_textures, sample_level, sample_normal, sample_texture
 
 RNG = np.random.default_rng(3)
@@ -313,4 +313,4 @@ def test_halves_are_decoded_exactly():
     values = bits.astype(np.uint16).view(np.float16).astype(np.float32)
     usual = np.isfinite(values) & ((values == 0) | (np.abs(values) >= 2.0**-14))  # others may be flushed to 0
     assert usual.sum() == 2 * (1 + 30 * 1024)
-    assert np.array_equal(np.array(textures._half(mi.UInt32(bits[usual] << 16))), values[usual])
+    assert np.array_equal(np.array(_half(mi.UInt32(bits[usual] << 16))), values[usual])

@@ -21,7 +21,8 @@ from test_pipeline import contents
 
 KILLS = int(os.environ.get("FRAMEPAIRS_KILLS", "4"))
 FRAMES = 60
-OBJ = "mtllib quad.mtl\nusemtl wall\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
+OBJ = "mtllib quad.mtl\nusemtl wall\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+OBJ += "f 1/1 2/2 3/3 4/4\n"
 MTL = "newmtl wall\nmap_Kd wall.png\n"
 SLOW = ("--display", "320x180", "--aa", "16", "--scale", "2", "--streams", "native,jittered_mip")
 
@@ -43,8 +44,8 @@ def files(tmp_path_factory) -> Path:
 
 
 def started(files: Path, out: Path, *arguments) -> subprocess.Popen:
-    command = [sys.executable, "-m", "framepairs.cli", "render", str(files / "quad.obj"), "--camera", str(files / "flight.json")]
-    command += [*SLOW, "--out", str(out), "--json", *map(str, arguments)]
+    command = [sys.executable, "-m", "framepairs.cli", "render", str(files / "quad.obj")]
+    command += ["--camera", str(files / "flight.json"), *SLOW, "--out", str(out), "--json", *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

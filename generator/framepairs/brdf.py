@@ -35,6 +35,16 @@ def roughness_of(model: BrdfModel, alpha: mi.Float) -> mi.Float:
     return dr.sqrt(alpha) if model.mapping == "squared" else alpha
 
 
+def roughened(model: BrdfModel, roughness: mi.Float, variance: mi.Float) -> mi.Float:
+    """Perceptual roughness of a surface whose normals vary within the pixel by a slope `variance` >= 0.
+
+    Toksvig (2005) takes the Blinn-Phong exponent s to s' = f s with f = L / (L + s (1 - L)) for a mean normal of length L, so
+    1 / s' = 1 / s + variance with variance = (1 - L) / L; with alpha^2 = 2 / s, alpha'^2 = alpha^2 + 2 variance, at most 1.
+    """
+    squared = dr.square(alpha_of(model, roughness)) + 2 * variance
+    return dr.select(variance > 0, roughness_of(model, dr.sqrt(dr.minimum(squared, 1))), roughness)
+
+
 def ggx(sine_squared: mi.Float, alpha: mi.Float) -> mi.Float:
     """D of GGX, per steradian (equation 5), at a half vector whose sine to the normal has this square.
 
@@ -134,9 +144,7 @@ def specular_chance(base_color: mi.Color3f, metallic: mi.Float, f0: mi.Color3f, 
     return dr.select(diffuse > 0, dr.select(dr.max(f0) > 0, chance, 0), 1)
 
 
-def sample_specular(
-    model: BrdfModel, roughness: mi.Float, n: mi.Vector3f, v: mi.Vector3f, u: mi.Point2f
-) -> mi.Vector3f:
+def sample_specular(model: BrdfModel, roughness: mi.Float, n: mi.Vector3f, v: mi.Vector3f, u: mi.Point2f) -> mi.Vector3f:
     """Direction of light with `specular_density`, from u in [0, 1)^2: v mirrored at a visible GGX normal.
 
     The spherical cap of Dupuy and Benyoub 2023 (listing 3), with 1 + z kept free of cancellation: the tail keeps its digits.
@@ -155,9 +163,7 @@ def sample_specular(
     return frame.to_world(2 * dr.dot(local, half) * half - local)
 
 
-def specular_density(
-    model: BrdfModel, roughness: mi.Float, n: mi.Vector3f, v: mi.Vector3f, l: mi.Vector3f
-) -> mi.Float:
+def specular_density(model: BrdfModel, roughness: mi.Float, n: mi.Vector3f, v: mi.Vector3f, l: mi.Vector3f) -> mi.Float:
     """Density per steradian of `sample_specular`: G1(v) D / (4 n.v) (Heitz 2018, equation 17), 0 below the surface."""
     v, n_v = _above(n, v)
     alpha = alpha_of(model, roughness)
@@ -210,9 +216,7 @@ def _in_row(brdf: Brdf, row: mi.UInt32, x: mi.Float, active: mi.Bool) -> mi.Vect
     return dr.lerp(left, right, x - mi.Float(column))
 
 
-def pre_integrated(
-    base_color: mi.Color3f, metallic: mi.Float, f0: mi.Color3f, a: mi.Float, b: mi.Float
-) -> mi.Color3f:
+def pre_integrated(base_color: mi.Color3f, metallic: mi.Float, f0: mi.Color3f, a: mi.Float, b: mi.Float) -> mi.Color3f:
     """F_beta = (1 - metallic) base + F0 A + F90 B (equations 12, 14, 15, where F90 is 1)."""
     return (1 - metallic) * base_color + f0 * a + f90_of(f0) * b
 

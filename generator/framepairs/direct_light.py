@@ -6,46 +6,114 @@ points are the same for all pixels, so what they miss shows as steps and not as 
 What they err by is measured in docs/shading.md.
 """
 
+import operator
+from functools import reduce
+
 from .backend import dr, mi
 from .brdf import evaluate, sample_specular, specular_density
-from .gbuffer import GBuffer, first_solid
+from .gbuffer import GBuffer
 from .geometry import Pose
 from .lights import SHORT_OF_LIGHT, Lights, LightSample, light_along, mesh_behind, sample_light
 from .materials import is_blended
 from .mesh_lights import emission_at, mesh_light_density
 from .shading import Shading, is_above, is_shadowed, lifted_from
+from .solid import first_solid
+
+
+def direct_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer) -> mi.Color3f:
+    """Radiance [3] that a surface reflects towards the camera straight from the lights."""
+    return direct_lights(shading, lights, pose, [sample], [mi.Bool(False)])[0]
 
 
 @dr.syntax
-def direct_light(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer) -> mi.Color3f:
-    """Radiance [3] that a surface reflects towards the camera straight from the lights."""
-    total, k = mi.Color3f(0), mi.UInt32(0)
+def direct_lights(
+    shading: Shading, lights: Lights, pose: Pose, samples: list[GBuffer], differ: list[mi.Bool]
+) -> list[mi.Color3f]:
+    """`direct_light` of samples that lie on one surface except where they `differ` from the first: one shadow ray serves
+    all that do not."""
+    totals = [mi.Color3f(0) for _ in samples]
     if dr.hint(bool(lights.kinds), mode="scalar"):
-        while dr.hint(k < shading.pattern.count, exclude=[shading, lights, pose, sample]):
-            total += _from_point(shading, lights, pose, sample, dr.gather(mi.Vector4f, shading.pattern.lights, k))
-            k += 1
+        totals = _from_points(shading, lights, pose, samples, [sample.hit.valid for sample in samples], differ)
+        totals = _with_own(shading, lights, pose, samples, differ, totals)
     if dr.hint(lights.have_extent, mode="scalar"):
-        j = mi.UInt32(0)
-        while dr.hint(j < shading.pattern.number, exclude=[shading, lights, pose, sample]):
-            total += _from_lobe(shading, lights, pose, sample, dr.gather(mi.Point2f, shading.pattern.lobe, j))
-            j += 1
+        totals = _from_lobes(shading, lights, pose, samples, totals)
+    return totals
+
+
+@dr.syntax
+def _from_points(shading: Shading, lights: Lights, pose: Pose, samples, valid, differ) -> list[mi.Color3f]:
+    totals, k = [mi.Color3f(0) for _ in samples], mi.UInt32(0)
+    valid = _without(valid, differ)
+    while dr.hint(k < shading.pattern.count, exclude=[shading, lights, pose, samples, valid, differ]):
+        point = dr.gather(mi.Vector4f, shading.pattern.lights, k)
+        totals = _sums(totals, _from_point(shading, lights, pose, samples, valid, point))
+        k += 1
+    return totals
+
+
+def _with_own(shading: Shading, lights: Lights, pose: Pose, samples, differ, totals) -> list[mi.Color3f]:
+    rest = zip(samples[1:], differ[1:], totals[1:], strict=True)
+    return [totals[0], *(_own(shading, lights, pose, *each) for each in rest)]
+
+
+@dr.syntax
+def _own(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, differs: mi.Bool, total: mi.Color3f) -> mi.Color3f:
+    if dr.hint(differs, exclude=[shading, lights, pose, sample]):
+        own = _from_points(shading, lights, pose, [sample], [sample.hit.valid & differs], [mi.Bool(False)])
+        total = dr.select(differs, own[0], total)
+    return total
+
+
+def _from_lobes(shading: Shading, lights: Lights, pose: Pose, samples, totals) -> list[mi.Color3f]:
+    return [_with_lobe(shading, lights, pose, *each) for each in zip(samples, totals, strict=True)]
+
+
+@dr.syntax
+def _with_lobe(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, total: mi.Color3f) -> mi.Color3f:
+    j = mi.UInt32(0)
+    while dr.hint(j < shading.pattern.number, exclude=[shading, lights, pose, sample]):
+        total += _from_lobe(shading, lights, pose, sample, dr.gather(mi.Point2f, shading.pattern.lobe, j))
+        j += 1
     return total
 
 
 @dr.syntax
-def _from_point(shading: Shading, lights: Lights, pose: Pose, sample: GBuffer, point: mi.Vector4f) -> mi.Color3f:
+def _from_point(shading: Shading, lights: Lights, pose: Pose, samples, valid, point: mi.Vector4f) -> list[mi.Color3f]:
     """A branch and no select: where no pixel of a packet is lit (outside a spot's cone), neither BRDF nor ray are computed."""
     index, place = mi.UInt32(point.x), mi.Point2f(point.y, point.z)
-    valid = sample.hit.valid
-    light = sample_light(lights, shading.geometry, shading.materials, pose, index, sample.position, place, valid)
-    lit = valid & (light.density > 0) & is_above(sample, light.towards) & (dr.max(light.radiance) > 0)
-    value = mi.Color3f(0)
-    if dr.hint(lit, exclude=[shading, lights, pose, sample, light, index, point]):
-        value = _unshadowed(shading, lights, sample, light, index, point.w)
-        ray = lifted_from(sample, light.towards)
+    first, any_valid = samples[0], _any(valid)
+    light = sample_light(lights, shading.geometry, shading.materials, pose, index, first.position, place, any_valid)
+    shines = (light.density > 0) & (dr.max(light.radiance) > 0)
+    lit = _facing(samples, valid, light, shines)
+    values, any_lit = [mi.Color3f(0) for _ in samples], _any(lit)
+    if dr.hint(any_lit, exclude=[shading, lights, pose, samples, first, light, index, point, lit]):
+        ray = lifted_from(first, light.towards)
         ray.maxt = light.distance * SHORT_OF_LIGHT
-        value = dr.select(is_shadowed(shading, pose, ray, lit), 0, value)
-    return value
+        stopped = is_shadowed(shading, pose, ray, any_lit, coherent=True)
+        values = _unshadowed_each(shading, lights, samples, lit, stopped, light, index, point.w)
+    return values
+
+
+def _unshadowed_each(shading: Shading, lights: Lights, samples, lit, stopped, light, index, share) -> list[mi.Color3f]:
+    free = [each & ~stopped for each in lit]
+    values = [_unshadowed(shading, lights, sample, light, index, share) for sample in samples]
+    return [dr.select(*each, 0) for each in zip(free, values, strict=True)]
+
+
+def _facing(samples, valid, light: LightSample, shines: mi.Bool) -> list[mi.Bool]:
+    return [each & shines & is_above(sample, light.towards) for sample, each in zip(samples, valid, strict=True)]
+
+
+def _without(masks: list[mi.Bool], others: list[mi.Bool]) -> list[mi.Bool]:
+    return [mask & ~other for mask, other in zip(masks, others, strict=True)]
+
+
+def _any(masks: list[mi.Bool]) -> mi.Bool:
+    return reduce(operator.or_, masks)
+
+
+def _sums(first: list, second: list) -> list:
+    return [a + b for a, b in zip(first, second, strict=True)]
 
 
 def _unshadowed(
@@ -102,4 +170,3 @@ def _reflected(shading: Shading, sample: GBuffer, towards: mi.Vector3f) -> mi.Co
         sample.view,
         towards,
     )
-

@@ -1,9 +1,9 @@
 """Renders one FrameState into arrays: one kernel per stream for everything that is one sample, one for what is averaged."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .backend import dr, mi
 from .brdf import Brdf
@@ -11,21 +11,24 @@ from .brdf_tables import brdf_table
 from .channels import MOTION_CHANNELS, motion_name
 from .conventions import Stream
 from .frame import FrameState
-from .gbuffer import GBuffer, Pixel, gbuffer, pixel_of
+from .gbuffer import GBuffer, gbuffer, gbuffers, pixel_of
 from .geometry import Pose
 from .jitter import antialiasing_positions, jitter
+from .lanes import Lanes, image_of, lanes_of, pixels_of
+from .launched import Launched, Started, StreamFrame, fetch
 from .lights import Lights, lights_around
 from .materials import with_values
-from .motion import Before, Motion, motion_of
+from .motion import Before, motions_of
 from .overlay import build_layer, composited, overlay_of, overlays_around
 from .overlay_elements import Overlay
 from .path_tracing import path_light, path_seed
 from .plan import RenderPlan, brdf_model, jitter_length
 from .projection import View, view_of
-from .radiance import Radiance, shade
+from .radiance import Radiance, shade, shade_each
 from .scene.description import SceneDescription
 from .scene.needs import table_need
 from .shading import Shading, build_shading
+from .solid import Pixel
 
 AVERAGED = ("color", "emission", "brdf", "transparency")
 PASSES = ("brdf_table", "gbuffer", "motion", "dual_motion", "radiance", "path", "overlay")
@@ -33,21 +36,10 @@ PATH_CHANNELS = frozenset({"color", "color_variance"})
 
 
 @dataclass(frozen=True)
-class StreamFrame:
-    """One stream of one frame: channel name to array [height, width, components] (float32 or uint32); J in pixels; and what
-    `path` shading counted."""
-
-    stream: Stream
-    jitter: tuple[float, float]
-    arrays: dict[str, NDArray]
-    fireflies: int = 0
-    rejected_paths: int = 0
-
-
-@dataclass(frozen=True)
 class _Moment:
     """A frame on the device: now and before, everything that its streams share."""
 
+    frame: FrameState
     shading: Shading
     pose: Pose
     view: View
@@ -78,11 +70,32 @@ class Engine:
 
     def render(self, frame: FrameState, stream: Stream, channels: frozenset[str], sequence_seed: int) -> StreamFrame:
         """The `channels` of one stream of one frame. `sequence_seed` decides the light paths of `path` shading."""
+        return fetch(self.launch(frame, [stream], channels, sequence_seed))[0]
+
+    def launch(self, frame: FrameState, streams: Sequence[Stream], channels: frozenset[str], sequence_seed: int) -> Launched:
+        """Start rendering the `channels` of `streams`, in whose order `fetch` gives them; wait for nothing.
+
+        Streams that sample the same places share rays; each is what it is when rendered alone.
+        """
+        moment, started = self._moment(frame, channels), {}
+        for offset, group in self._groups(frame, streams):
+            lanes = lanes_of(group[0].size)
+            all_columns = self._columns(moment, lanes, group, offset, channels)
+            counted = [
+                self._finished(moment, lanes, *each, offset, channels, sequence_seed)
+                for each in zip(group, all_columns, strict=True)
+            ]
+            dr.eval(counted)  # together: each evaluation by itself would trace all paths again
+            started |= {id(stream): Started(stream, offset, *each) for stream, each in zip(group, counted, strict=True)}
+        return Launched(tuple(started[id(stream)] for stream in streams))
+
+    def _moment(self, frame: FrameState, channels: frozenset[str]) -> "_Moment":
         pose, previous_pose = self.shading.geometry.pose(frame)
         shading = self.shading
         if self.scene.materials_at is not None:
             shading = replace(shading, materials=with_values(shading.materials, frame.materials))
-        moment = _Moment(
+        return _Moment(
+            frame=frame,
             shading=shading,
             pose=pose,
             view=view_of(frame.camera, frame.render_origin),
@@ -95,76 +108,85 @@ class Engine:
             others={k: self._other(frame, k) for k in frame.others if motion_name(k) in channels},
             lights=lights_around(self.scene, self.shading.mesh_lights, frame),
         )
-        length = jitter_length(self.plan, stream.scale)
-        offset = jitter(frame.frame, length) if stream.jittered else (0.0, 0.0)
-        columns = self._single_sample(moment, stream, offset, channels)
-        if stream.samples > 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
-            columns |= self._averaged(moment, stream)
+
+    def _groups(self, frame: FrameState, streams: Sequence[Stream]) -> list[tuple[tuple[float, float], list[Stream]]]:
+        """(J, streams that sample the same places) for all streams."""
+        groups: dict[tuple, list[Stream]] = {}
+        for stream in streams:
+            offset = jitter(frame.frame, jitter_length(self.plan, stream.scale)) if stream.jittered else (0.0, 0.0)
+            shared = (stream.size,) if stream.samples == 1 else (stream.name,)
+            groups.setdefault((offset, *shared), []).append(stream)
+        return [(key[0], group) for key, group in groups.items()]
+
+    def _columns(self, moment: _Moment, lanes: Lanes, group: list[Stream], offset, channels) -> list[dict]:
+        """Lazily, the values of all channels per lane, for each stream of a group."""
+        columns = self._single_sample(moment, lanes, group, offset, channels)
+        if group[0].samples > 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
+            columns = [columns[0] | self._averaged(moment, lanes, group[0])]
+        return columns
+
+    def _finished(self, moment, lanes, stream, columns, offset, channels, sequence_seed) -> tuple[dict, mi.Bool, mi.UInt32]:
+        """(images of `channels`, pixels with fireflies, rejected paths per lane)."""
         firefly, rejected = mi.Bool(False), mi.UInt32(0)
         if self.plan.shading == "path" and channels & PATH_CHANNELS:
             self.passes["path"] += 1
             _, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
-            seed = path_seed(sequence_seed, frame.frame, stream)
-            found = path_light(
-                shading, moment.lights, self.plan, moment.pose, moment.view, pixel, stream, offset, seed
-            )
+            place, seed = (moment.pose, moment.view, pixel), path_seed(sequence_seed, moment.frame.frame, stream)
+            found = path_light(moment.shading, moment.lights, self.plan, *place, stream, lanes, offset, seed)
             columns |= {"color": columns["emission"] + found.reflected, "color_variance": found.variance}
-            firefly, rejected = found.firefly, found.rejected
+            firefly, rejected = found.firefly & lanes.inside, dr.select(lanes.inside, found.rejected, 0)
         if self._overlay is not None and channels & {"overlay", *PATH_CHANNELS}:
-            columns |= self._overlaid(frame, stream, offset, columns)
-        columns = {name: value for name, value in columns.items() if name in channels}
-        dr.eval(columns, firefly, rejected)  # together: each evaluation by itself would trace all paths again
-        arrays = {name: _to_array(value, stream.size) for name, value in columns.items()}
-        return StreamFrame(stream, offset, arrays, int(dr.count(firefly)[0]), int(dr.sum(rejected)[0]))
+            columns |= self._overlaid(moment.frame, lanes, stream, offset, columns)
+        images = {name: image_of(lanes, value) for name, value in columns.items() if name in channels}
+        return images, firefly, rejected
 
-    def _overlaid(self, frame: FrameState, stream: Stream, offset: tuple[float, float], columns: dict) -> dict:
+    def _overlaid(self, frame: FrameState, lanes: Lanes, stream: Stream, offset, columns: dict) -> dict:
         """Colour under the overlay, its variance, and the overlay's coverage."""
         self.passes["overlay"] += 1
         value = overlay_of(overlays_around(self._overlay, frame, stream), stream, offset)
+        dr.eval(value.color, value.alpha)
+        value = replace(value, color=pixels_of(lanes, value.color), alpha=pixels_of(lanes, value.alpha))
         drawn = {"overlay": value.alpha, "color_variance": columns["color_variance"] * dr.square(1 - value.alpha)}
         return drawn | ({"color": composited(columns["color"], value)} if "color" in columns else {})
 
-    def _single_sample(self, moment: _Moment, stream: Stream, offset: tuple[float, float], channels: frozenset[str]) -> dict:
-        """Lazily, every channel from one sample per pixel at centre - J."""
+    def _single_sample(self, moment: _Moment, lanes: Lanes, group: list[Stream], offset, channels) -> list[dict]:
+        """Lazily, every channel from one sample per pixel at centre - J, for each stream of a group."""
         # The stream's bias belongs to what is averaged: one sample at a finer level than the pixel's would alias.
-        size, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias if stream.samples == 1 else 0.0)
-        i, j = _pixel_indices(stream)
-        x = (i + 0.5 - dr.opaque(mi.Float, offset[0])) / size[0]
-        y = (j + 0.5 - dr.opaque(mi.Float, offset[1])) / size[1]
-        shading = moment.shading
+        biases = [dr.opaque(mi.Float, stream.mip_bias if stream.samples == 1 else 0.0) for stream in group]
+        size, pixel = _size_and_pixel(moment.view, group[0], 0.0)
+        x = (lanes.x + 0.5 - dr.opaque(mi.Float, offset[0])) / size[0]
+        y = (lanes.y + 0.5 - dr.opaque(mi.Float, offset[1])) / size[1]
+        shading, scene = moment.shading, (moment.shading.geometry, moment.shading.materials)
         self.passes["gbuffer"] += 1
-        sample = gbuffer(shading.geometry, shading.materials, shading.brdf, moment.pose, moment.view, x, y, pixel)
-        columns = _gbuffer_columns(sample, mi.UInt32(i))
-        if channels & set(MOTION_CHANNELS):
-            columns |= self._motion_columns(moment, sample, x, y, size, pixel, channels)
-        for offset, other in moment.others.items():
+        found = gbuffers(*scene, shading.brdf, moment.pose, moment.view, x, y, pixel, biases)
+        columns = [_gbuffer_columns(sample) for sample in found[0]]
+
+        def add(name: str, offset: int, before: Before, occlusion: bool) -> None:
             self.passes["motion"] += 1
-            columns[motion_name(offset)] = self._motion(moment, other, sample, x, y, size, False).motion
-        if stream.samples == 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
+            now = moment.pose, moment.view, moment.precise_views[0]
+            for row, moved in zip(
+                columns, motions_of(*scene, *now, before, biases, *found, x, y, size, occlusion), strict=True
+            ):
+                row[motion_name(offset)] = moved.motion
+                if offset == -1:
+                    row |= {"dual_motion": moved.dual_motion, "visibility": moved.visibility}
+
+        if channels & set(MOTION_CHANNELS):
+            occlusion = bool(channels & {"dual_motion", "visibility"})
+            self.passes["dual_motion"] += occlusion
+            add("motion", -1, self._before(moment, size), occlusion)
+        for other, before in moment.others.items():
+            add(motion_name(other), other, before, False)
+        if group[0].samples == 1 and channels & {*AVERAGED, *PATH_CHANNELS}:
             self.passes["radiance"] += 1
-            columns |= _radiance_columns(
-                shade(shading, moment.lights, moment.pose, moment.view, x, y, pixel, sample, self._lit), mi.UInt32(i)
-            )
+            place = moment.lights, moment.pose, moment.view, x, y, pixel, biases
+            for row, drawn in zip(columns, shade_each(shading, *place, *found, self._lit), strict=True):
+                row |= _radiance_columns(drawn)
         return columns
 
-    def _motion_columns(self, moment: _Moment, sample: GBuffer, x, y, size, pixel: Pixel, channels) -> dict:
-        occlusion = bool(channels & {"dual_motion", "visibility"})
-        self.passes["motion"] += 1
-        self.passes["dual_motion"] += occlusion
-        before = Before(
-            pose=moment.previous_pose,
-            view=moment.previous_view,
-            precise_view=moment.precise_views[1],
-            pixel=pixel_of(moment.previous_view, size, pixel.bias),
-            exists=moment.moves_on,
-        )
-        moved = self._motion(moment, before, sample, x, y, size, occlusion)
-        return {"motion": moved.motion, "dual_motion": moved.dual_motion, "visibility": moved.visibility}
-
-    def _motion(self, moment: _Moment, before: Before, sample: GBuffer, x, y, size, occlusion: bool) -> Motion:
-        tables = moment.shading.geometry, moment.shading.materials
-        now = moment.pose, moment.view, moment.precise_views[0]
-        return motion_of(*tables, *now, before, sample, x, y, size, occlusion)
+    def _before(self, moment: _Moment, size: tuple[mi.Float, mi.Float]) -> Before:
+        view, pose = moment.previous_view, moment.previous_pose
+        return Before(pose, view, moment.precise_views[1], pixel_of(view, size, mi.Float(0)), moment.moves_on)
 
     def _other(self, frame: FrameState, offset: int) -> Before:
         other, origin = frame.others[offset], frame.render_origin
@@ -178,11 +200,11 @@ class Engine:
         )
 
     @dr.syntax
-    def _averaged(self, moment: _Moment, stream: Stream) -> dict:
+    def _averaged(self, moment: _Moment, lanes: Lanes, stream: Stream) -> dict:
         """Colour, emission, F_beta and transparency as means over the stream's AA samples; the loop keeps their order."""
         self.passes["radiance"] += 1
         size, pixel = _size_and_pixel(moment.view, stream, stream.mip_bias)
-        i, j = _pixel_indices(stream)
+        i, j = lanes.x, lanes.y
         positions = mi.Float(np.array(antialiasing_positions(stream.samples, stream.pattern), dtype=np.float32).ravel())
         count = dr.opaque(mi.UInt32, stream.samples)
         k = mi.UInt32(0)
@@ -200,7 +222,7 @@ class Engine:
             transparency += drawn.transparency
             k += 1
         n = mi.Float(count)
-        return _radiance_columns(Radiance(color / n, emission / n, f_beta / n, transparency / n), mi.UInt32(i))
+        return _radiance_columns(Radiance(color / n, emission / n, f_beta / n, transparency / n))
 
 
 def _size_and_pixel(view: View, stream: Stream, bias: float) -> tuple[tuple[mi.Float, mi.Float], Pixel]:
@@ -212,14 +234,7 @@ def _size_and_pixel(view: View, stream: Stream, bias: float) -> tuple[tuple[mi.F
     return size, pixel_of(view, (size[0] * share, size[1] * share), dr.opaque(mi.Float, 0.0))
 
 
-def _pixel_indices(stream: Stream) -> tuple[mi.Float, mi.Float]:
-    width, height = stream.size
-    index = dr.arange(mi.UInt32, width * height)
-    columns = dr.opaque(mi.UInt32, width)
-    return mi.Float(index % columns), mi.Float(index // columns)
-
-
-def _gbuffer_columns(sample: GBuffer, shape: mi.UInt32) -> dict:
+def _gbuffer_columns(sample: GBuffer) -> dict:
     valid, surface = sample.hit.valid, sample.surface
     return {
         "albedo": dr.select(valid, surface.base_color, 0),
@@ -229,23 +244,15 @@ def _gbuffer_columns(sample: GBuffer, shape: mi.UInt32) -> dict:
         "metallic": dr.select(valid, surface.metallic, 0),
         "specular": dr.select(valid, surface.specular, 0),
         "object_id": sample.object_id,
-        "overlay": mi.Float(shape) * 0,
-        "color_variance": mi.Color3f(mi.Float(shape) * 0),
+        "overlay": mi.Float(0),
+        "color_variance": mi.Color3f(0),
     }
 
 
-def _radiance_columns(drawn: Radiance, shape: mi.UInt32) -> dict:
+def _radiance_columns(drawn: Radiance) -> dict:
     return {
         "color": drawn.color,
         "emission": drawn.emission,
         "brdf": drawn.f_beta,
-        "transparency": drawn.transparency + mi.Float(shape) * 0,
+        "transparency": drawn.transparency,
     }
-
-
-def _to_array(value, size: tuple[int, int]) -> NDArray:
-    """[height, width, components], contiguous."""
-    width, height = size
-    array = np.array(value)
-    array = array.reshape(-1, height * width) if array.size > array.shape[0] or array.ndim == 2 else array.reshape(1, -1)
-    return np.ascontiguousarray(array.reshape(-1, height, width).transpose(1, 2, 0))

@@ -1,40 +1,23 @@
 """What the pixel sees: the nearest opaque or alpha-tested surface along a camera ray, and its material."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from .backend import dr, mi
 from .brdf import Brdf, f0_of, look_up, pre_integrated
 from .geometry import Geometry, Pose
 from .materials import (
-    Footprint,
     MaterialTable,
     Surface,
     bump_change,
     bumps_by_second,
     emitted,
-    is_blended,
     is_kept,
-    is_opaque,
-    opacity_of,
-    surface_of,
+    surfaces_of,
 )
 from .projection import View, direction, origin, project
-from .tracing import Hit, Triangle, trace, triangle_of
-
-# Past a layer that lets a ray through, it goes on behind this share of its parameter and of its origin's coordinates.
-SKIP, SKIP_ORIGIN = 1e-5, 1e-6
-MOST_LAYERS = 256
-
-
-@dataclass(frozen=True)
-class Pixel:
-    """Derivatives of a ray's direction and origin per pixel in x and y, and the stream's mip bias in levels."""
-
-    ddx: mi.Vector3f
-    ddy: mi.Vector3f
-    origin_ddx: mi.Vector3f
-    origin_ddy: mi.Vector3f
-    bias: mi.Float
+from .solid import Pixel, footprint_of, search
+from .tracing import Hit, Triangle, triangle_of
 
 
 @dataclass(frozen=True)
@@ -81,9 +64,51 @@ def gbuffer(
     pixel: Pixel,
 ) -> GBuffer:
     """The G-buffer of the samples at fractions (x, y) of the frame."""
+    return gbuffers(geometry, materials, brdf, pose, view, x, y, pixel, (pixel.bias,))[0][0]
+
+
+def gbuffers(
+    geometry: Geometry,
+    materials: MaterialTable,
+    brdf: Brdf,
+    pose: Pose,
+    view: View,
+    x: mi.Float,
+    y: mi.Float,
+    pixel: Pixel,
+    biases: Sequence[mi.Float],
+) -> tuple[list[GBuffer], list[mi.Bool]]:
+    """`gbuffer` for each of `biases` in place of the pixel's, and whether its hit may differ from that of the first.
+
+    One ray serves all, but for alpha tests that end otherwise with another bias: there it has its own.
+    """
     ray = camera_ray(view, x, y)
-    hit, _ = first_solid(geometry, materials, pose, ray, pixel, mi.Bool(True), start=view.near)
-    return describe_hit(geometry, materials, brdf, pose, view, ray, hit, pixel)
+    hit, _, differ = search(geometry, materials, pose, ray, pixel, biases, mi.Bool(True), view.near)
+    scene = geometry, materials, brdf, pose, view
+    first, *others = _described(*scene, ray, hit, pixel, biases)
+    others = [_own(scene, ray, *each, pixel) for each in zip(others, differ[1:], biases[1:], strict=True)]
+    return [first, *others], differ
+
+
+@dr.syntax
+def _own(scene, ray: mi.Ray3f, sample: GBuffer, differs: mi.Bool, bias: mi.Float, pixel: Pixel) -> GBuffer:
+    """The sample, as a ray of its own meets it where it differs."""
+    if dr.hint(scene[1].masks, mode="scalar"):
+        values = _unpacked(sample)
+        if dr.hint(differs, exclude=[scene, ray, sample, bias, pixel]):
+            hit = search(scene[0], scene[1], scene[3], ray, pixel, (bias,), differs, scene[4].near)[0]
+            values = _unpacked(_described(*scene, ray, hit, pixel, (bias,))[0])
+        sample = _packed(values)
+    return sample
+
+
+def _unpacked(sample: GBuffer) -> dict:
+    """A copy that may be the state of a branch."""
+    return vars(sample) | {"hit": dict(vars(sample.hit)), "surface": dict(vars(sample.surface))}
+
+
+def _packed(values: dict) -> GBuffer:
+    return GBuffer(**values | {"hit": Hit(**values["hit"]), "surface": Surface(**values["surface"])})
 
 
 def describe_hit(
@@ -97,131 +122,45 @@ def describe_hit(
     pixel: Pixel | None,
 ) -> GBuffer:
     """Interpolate and look up everything at a hit, with the pixel's footprint or (None) at the finest texels."""
+    biases = (mi.Float(0) if pixel is None else pixel.bias,)
+    return _described(geometry, materials, brdf, pose, view, ray, hit, pixel, biases)[0]
+
+
+def _described(geometry, materials, brdf, pose, view, ray, hit: Hit, pixel: Pixel | None, biases) -> list[GBuffer]:
+    """`describe_hit` for each of `biases`."""
     valid = hit.valid
     triangle = triangle_of(geometry.tables, pose, hit)
     material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, valid)
-    surface = surface_of(materials, material, footprint_of(triangle, ray, pixel), valid)
-    surface = replace(surface, emission=emitted(materials, material, surface.emission, triangle.outward, ray.d, valid))
-    normal = triangle.normal
-    if "normal_texture" in materials.used:
-        normal = _bent(triangle, materials, material, surface.tangent_normal, valid)
     behind = dr.dot(triangle.geometric, ray.d) > 0  # surfaces are seen from both sides
-    towards = dr.normalize(-ray.d)
-    normal = dr.select(behind, -normal, normal)
-    f0 = f0_of(surface.base_color, surface.metallic, surface.specular)
-    a, b = look_up(brdf, dr.dot(normal, towards), surface.roughness, valid)
-    f_beta = pre_integrated(surface.base_color, surface.metallic, f0, a, b)
-    if materials.keeps:
-        f_beta = dr.select(is_kept(materials, material, valid), 1, f_beta)
-    return GBuffer(
-        hit=hit,
-        position=triangle.position,
-        geometric=dr.select(behind, -triangle.geometric, triangle.geometric),
-        normal=dr.select(valid, normal, 0),
-        view=towards,
-        depth=dr.select(valid, project(view, triangle.position).z, dr.inf),
-        object_id=dr.select(valid, hit.object + 1, 0),
-        surface=surface,
-        f0=f0,
-        f_beta=dr.select(valid, f_beta, 0),
-        a=a,
-        b=b,
-    )
+    towards, depth = dr.normalize(-ray.d), project(view, triangle.position).z
 
+    def described(surface: Surface) -> GBuffer:
+        emission = emitted(materials, material, surface.emission, triangle.outward, ray.d, valid)
+        normal = triangle.normal
+        if "normal_texture" in materials.used:
+            normal = _bent(triangle, materials, material, surface.tangent_normal, valid)
+        normal = dr.select(behind, -normal, normal)
+        f0 = f0_of(surface.base_color, surface.metallic, surface.specular)
+        a, b = look_up(brdf, dr.dot(normal, towards), surface.roughness, valid)
+        f_beta = pre_integrated(surface.base_color, surface.metallic, f0, a, b)
+        if materials.keeps:
+            f_beta = dr.select(is_kept(materials, material, valid), 1, f_beta)
+        return GBuffer(
+            hit=hit,
+            position=triangle.position,
+            geometric=dr.select(behind, -triangle.geometric, triangle.geometric),
+            normal=dr.select(valid, normal, 0),
+            view=towards,
+            depth=dr.select(valid, depth, dr.inf),
+            object_id=dr.select(valid, hit.object + 1, 0),
+            surface=replace(surface, emission=emission),
+            f0=f0,
+            f_beta=dr.select(valid, f_beta, 0),
+            a=a,
+            b=b,
+        )
 
-@dr.syntax
-def first_solid(
-    geometry: Geometry,
-    materials: MaterialTable,
-    pose: Pose,
-    ray: mi.Ray3f,
-    pixel: Pixel | None,
-    active: mi.Bool,
-    start: mi.Float,
-    blended_too: bool = False,
-) -> tuple[Hit, mi.Float]:
-    """The first hit beyond `start` that is opaque after the alpha test, and its ray parameter.
-
-    Blended surfaces are passed through unless `blended_too`. Alpha is looked up with the pixel's footprint, or at the
-    finest level for `pixel` None (shadow rays have no footprint).
-    """
-    passed = mi.Float(start)
-    searching = mi.Bool(active)
-    least = SKIP_ORIGIN * dr.max(dr.abs(ray.o)) / dr.norm(ray.d)
-    layer = mi.UInt32(0)
-    shell = dr.arange(mi.UInt32, dr.width(ray)) * 0
-    valid, item, face, uv = mi.Bool(shell == 1), mi.UInt32(shell), mi.UInt32(shell), mi.Point2f(shell, shell)
-    while dr.hint(searching, exclude=[geometry, materials, pose, pixel, blended_too]):
-        onward = mi.Ray3f(ray.o + passed * ray.d, ray.d)
-        onward.maxt = ray.maxt - passed
-        hit, t = trace(geometry, pose, onward, searching, coherent=pixel is not None)
-        through = mi.Bool(False)
-        if dr.hint(materials.masks or materials.blends, mode="scalar"):
-            material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
-            doubtful = hit.valid & ~is_opaque(materials, material, hit.valid)
-            if dr.hint(doubtful, exclude=[geometry, materials, pose, hit, pixel, blended_too]):
-                through = _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too)
-        if dr.hint(geometry.culls and pixel is not None, mode="scalar"):
-            through |= _is_culled(geometry, pose, ray, hit)
-        if dr.hint(geometry.hides, mode="scalar"):
-            through |= hit.valid & dr.gather(mi.Bool, pose.hidden, hit.object, hit.valid)
-        valid, item, face, uv = hit.valid, hit.object, hit.face, hit.uv
-        reached = passed + dr.select(hit.valid, t, 0)
-        passed = dr.select(through, dr.maximum(reached * (1 + SKIP), reached + least), reached)
-        layer += 1
-        searching = through & (layer < MOST_LAYERS)
-    return Hit(valid, item, face, uv), dr.select(valid, passed, dr.inf)
-
-
-def footprint_of(triangle: Triangle, ray: mi.Ray3f, pixel: Pixel | None) -> Footprint:
-    """uv and its change per pixel: the neighbouring pixels' rays meet the triangle's plane, in barycentric coordinates.
-
-    None has no extent and reads the finest texels.
-    """
-    if pixel is None:
-        return finest_footprint(triangle)
-    normal = dr.cross(triangle.edge1, triangle.edge2)
-    squared = dr.squared_norm(normal)
-    scale = dr.select(squared > 0, 1 / squared, 0)
-    facing = dr.dot(normal, ray.d)
-    facing = dr.select(dr.abs(facing) > 0, facing, 1e-30)
-    t = dr.dot(normal, triangle.position - ray.o) / facing
-
-    def change(derivative: mi.Vector3f, origin_derivative: mi.Vector3f) -> mi.Vector2f:
-        beside = t * derivative + origin_derivative
-        moved = beside - ray.d * (dr.dot(normal, beside) / facing)
-        u = dr.dot(dr.cross(moved, triangle.edge2), normal) * scale
-        v = dr.dot(dr.cross(triangle.edge1, moved), normal) * scale
-        return mi.Vector2f(u, v)
-
-    dx, dy = change(pixel.ddx, pixel.origin_ddx), change(pixel.ddy, pixel.origin_ddy)
-
-    def covered(uv: mi.Point2f, edge1: mi.Vector2f, edge2: mi.Vector2f) -> Footprint:
-        return Footprint(uv, dx.x * edge1 + dx.y * edge2, dy.x * edge1 + dy.y * edge2, pixel.bias)
-
-    first = covered(triangle.uv, triangle.uv_edge1, triangle.uv_edge2)
-    second = None if triangle.second is None else covered(*triangle.second)
-    return replace(first, second=second, color=triangle.color)
-
-
-def finest_footprint(triangle: Triangle) -> Footprint:
-    """One without extent, which reads the finest texels."""
-    none, level = mi.Vector2f(0), mi.Float(0)
-    second = None if triangle.second is None else Footprint(triangle.second[0], none, none, level)
-    return Footprint(triangle.uv, none, none, level, second, triangle.color)
-
-
-def _is_culled(geometry, pose, ray, hit) -> mi.Bool:
-    """Whether the hit is on the back of an object whose back faces are not drawn."""
-    single = hit.valid & dr.gather(mi.Bool, geometry.tables.single_sided, hit.object, hit.valid)
-    return single & (dr.dot(triangle_of(geometry.tables, pose, hit).outward, ray.d) > 0)
-
-
-def _lets_through(geometry, materials, pose, ray, hit, pixel, blended_too) -> mi.Bool:
-    material = dr.gather(mi.UInt32, geometry.tables.material, hit.object, hit.valid)
-    triangle = triangle_of(geometry.tables, pose, hit)
-    clear = opacity_of(materials, material, footprint_of(triangle, ray, pixel), hit.valid) <= 0
-    return clear if blended_too else clear | is_blended(materials, material, hit.valid)
+    return [described(each) for each in surfaces_of(materials, material, footprint_of(triangle, ray, pixel), biases, valid)]
 
 
 def _bent(

@@ -1,15 +1,18 @@
 """Materials in one table: constants times textures, evaluated for any hit in one kernel."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
 from .backend import dr, mi
-from .brdf import alpha_of, roughness_of
+from .brdf import roughened
 from .conventions import BrdfModel
 from .mip_pyramids import COLOR, NORMAL, Role
 from .scene.description import IDENTITY_UV, Material, SceneDescription, Slot, Texture
-from .textures import TextureSettings, TextureTable, build_textures, sample_normal, sample_texture
+from .texels import Kind
+from .textures import TextureSettings, TextureTable, build_textures, sample_each
 
 SLOTS = ("base_texture", "surface_texture", "normal_texture", "emission_texture")
 # Floats per material: base 3, opacity, specular, roughness, metallic, cutoff, emission 3, normal scale, whether vertex colours
@@ -81,13 +84,17 @@ def build_materials(
     slots = [[getattr(material, name) for name in SLOTS] for material in materials]
     keeps = keep_bsdfs and any(material.bsdf is not None for material in materials)
     indices, pairs = _pyramids(scene, materials, settings)
+    seen_through = (material.alpha != "opaque" for material in materials)
+    with_alpha = set(compress(indices[:: len(SLOTS)], seen_through)) - {NO_TEXTURE}
     return MaterialTable(
         constants=_all_constants(materials, keeps),
         alpha=mi.UInt32(np.array([ALPHA_CODE[material.alpha] for material in materials], dtype=np.uint32)),
         slots=mi.UInt32(np.array(indices, dtype=np.uint32)),
         sets=mi.UInt32(np.array([0 if slot is None else slot.uv_set for row in slots for slot in row], dtype=np.uint32)),
         uv=_all_uv(materials),
-        textures=build_textures([texture for texture, _ in pairs], [role for _, role in pairs], settings.anisotropy),
+        textures=build_textures(
+            [texture for texture, _ in pairs], [role for _, role in pairs], settings.anisotropy, with_alpha
+        ),
         used=frozenset(name for name in SLOTS if any(getattr(material, name) for material in materials)),
         masks=any(material.alpha == "mask" for material in materials),
         blends=any(material.alpha == "blend" for material in materials),
@@ -107,14 +114,21 @@ def with_values(table: MaterialTable, materials: tuple[Material, ...]) -> Materi
 
 def opacity_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, active: mi.Bool) -> mi.Float:
     """Opacity in [0, 1]: 1 for opaque materials, 0 or 1 for masked ones."""
+    return opacities_of(table, material, footprint, (footprint.bias,), active)[0]
+
+
+def opacities_of(
+    table: MaterialTable, material: mi.UInt32, footprint: Footprint, biases: Sequence[mi.Float], active: mi.Bool
+) -> list[mi.Float]:
+    """`opacity_of` with each of `biases` in place of the footprint's."""
     alpha = dr.gather(mi.UInt32, table.alpha, material, active)
-    base = dr.gather(mi.Vector4f, table.constants, material * 4, active)
-    cutoff = dr.gather(mi.Float, table.constants, material * CONSTANTS + 7, active)
-    value = base.w * _slot(table, "base_texture", material, footprint, active & (alpha != ALPHA_CODE["opaque"])).w
-    value *= 1 if footprint.color is None else footprint.color.w
-    masked = dr.select(value >= cutoff, mi.Float(1), mi.Float(0))
-    value = dr.select(alpha == ALPHA_CODE["mask"], masked, dr.clip(value, 0, 1))
-    return dr.select(alpha == ALPHA_CODE["opaque"], 1, value)
+    full, cutoff = (dr.gather(mi.Float, table.constants, material * CONSTANTS + k, active) for k in (3, 7))
+    if footprint.color is not None:
+        full *= footprint.color.w
+    opaque, masked = alpha == ALPHA_CODE["opaque"], alpha == ALPHA_CODE["mask"]
+    values = [full * texel for texel in _slot(table, "base_texture", material, footprint, biases, active & ~opaque, "alpha")]
+    seen = [dr.select(masked, dr.select(value >= cutoff, mi.Float(1), 0), dr.clip(value, 0, 1)) for value in values]
+    return [dr.select(opaque, 1, value) for value in seen]
 
 
 def is_kept(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
@@ -124,8 +138,7 @@ def is_kept(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bo
 
 def bumps_by_second(table: MaterialTable, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
     """Whether the material's normal map reads the second set of texture coordinates."""
-    place = material * len(SLOTS) + SLOTS.index("normal_texture")
-    return dr.gather(mi.UInt32, table.sets, place, active) == 1
+    return dr.gather(mi.UInt32, table.sets, material * len(SLOTS) + SLOTS.index("normal_texture"), active) == 1
 
 
 def bump_change(table: MaterialTable, material: mi.UInt32, change: mi.Vector2f, active: mi.Bool) -> mi.Vector2f:
@@ -148,24 +161,35 @@ def surface_of(table: MaterialTable, material: mi.UInt32, footprint: Footprint, 
 
     Roughness grows by what the filtered normal map lost, so that a bumpy surface far away shines as its bumps together do.
     """
-    c0, c1, c2 = (dr.gather(mi.Vector4f, table.constants, material * 4 + k, active) for k in range(3))
-    base = _slot(table, "base_texture", material, footprint, active)
-    packed = _slot(table, "surface_texture", material, footprint, active)
-    emission = _slot(table, "emission_texture", material, footprint, active)
-    base_tint, emission_tint = _tints(table, material, footprint, active)
-    roughness = dr.clip(c1.y * packed.y, 0, 1)
-    normal = mi.Vector3f(0, 0, 1)
+    return surfaces_of(table, material, footprint, (footprint.bias,), active)[0]
+
+
+def surfaces_of(
+    table: MaterialTable, material: mi.UInt32, footprint: Footprint, biases: Sequence[mi.Float], active: mi.Bool
+) -> list[Surface]:
+    """`surface_of` with each of `biases` in place of the footprint's."""
+    constants = [dr.gather(mi.Vector4f, table.constants, material * 4 + k, active) for k in range(3)]
+    tints = _tints(table, material, footprint, active)
+    bases = _slot(table, "base_texture", material, footprint, biases, active)
+    packed = _slot(table, "surface_texture", material, footprint, biases, active)
+    emissions = _slot(table, "emission_texture", material, footprint, biases, active)
+    normals = _slot(table, "normal_texture", material, footprint, biases, active, "normal")
+    return [_surface(table, constants, tints, *each) for each in zip(bases, packed, emissions, normals, strict=True)]
+
+
+def _surface(table: MaterialTable, constants, tints, base, packed, emission, bump) -> Surface:
+    c0, c1, c2 = constants
+    roughness, normal = dr.clip(c1.y * packed.y, 0, 1), mi.Vector3f(0, 0, 1)
     if "normal_texture" in table.used:
-        texel = _slot(table, "normal_texture", material, footprint, active, otherwise=mi.Vector4f(0, 0, 1, 0))
-        normal = mi.Vector3f(texel.x * c2.w, texel.y * c2.w, texel.z)
+        normal = mi.Vector3f(bump.x * c2.w, bump.y * c2.w, bump.z)
         if table.normal_variance:
-            roughness = roughened(table.model, roughness, texel.w * dr.square(c2.w))
+            roughness = roughened(table.model, roughness, bump.w * dr.square(c2.w))
     return Surface(
-        base_color=mi.Color3f(*(dr.clip(c0[k] * base[k] * base_tint[k], 0, 1) for k in range(3))),
+        base_color=mi.Color3f(*(dr.clip(c0[k] * base[k] * tints[0][k], 0, 1) for k in range(3))),
         specular=dr.clip(c1.x * packed.x, 0, 1),
         roughness=roughness,
         metallic=dr.clip(c1.z * packed.z, 0, 1),
-        emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k] * emission_tint[k], 0) for k in range(3))),
+        emission=mi.Color3f(*(dr.maximum(c2[k] * emission[k] * tints[1][k], 0) for k in range(3))),
         tangent_normal=normal,
     )
 
@@ -189,43 +213,31 @@ def _tints(table: MaterialTable, material: mi.UInt32, footprint: Footprint, acti
     return dr.select(glows, 1, color), dr.select(glows, color, 1)
 
 
-def roughened(model: BrdfModel, roughness: mi.Float, variance: mi.Float) -> mi.Float:
-    """Perceptual roughness of a surface whose normals vary within the pixel by a slope `variance` >= 0.
-
-    Toksvig (2005) takes the Blinn-Phong exponent s to s' = f s with f = L / (L + s (1 - L)) for a mean normal of length L, so
-    1 / s' = 1 / s + variance with variance = (1 - L) / L; with alpha^2 = 2 / s, alpha'^2 = alpha^2 + 2 variance, at most 1.
-    """
-    squared = dr.square(alpha_of(model, roughness)) + 2 * variance
-    return dr.select(variance > 0, roughness_of(model, dr.sqrt(dr.minimum(squared, 1))), roughness)
-
-
 @dr.syntax
 def _slot(
-    table: MaterialTable,
-    name: str,
-    material: mi.UInt32,
-    footprint: Footprint,
-    active: mi.Bool,
-    otherwise: mi.Vector4f | None = None,
-) -> mi.Vector4f:
-    """The texel of a slot; `otherwise` (white) where the material leaves it empty.
-
-    Nothing is traced for a slot that no material fills, and nothing runs for groups of rays that do not need it.
-    """
-    texel = mi.Vector4f(1) if dr.hint(otherwise is None, mode="scalar") else mi.Vector4f(otherwise)
+    table: MaterialTable, name: str, material: mi.UInt32, footprint: Footprint, biases, active: mi.Bool, kind: Kind = "texel"
+) -> list[mi.Vector4f] | list[mi.Float]:
+    """The texel of a slot, or its alpha, for each bias; where the material leaves it empty, white or an unbent normal.
+    Nothing is traced for a slot that no material fills, and nothing runs for groups of rays that do not need it."""
+    texels = _empty(kind, len(biases))
     if dr.hint(name in table.used, mode="scalar"):
         place = material * len(SLOTS) + SLOTS.index(name)
         texture = dr.gather(mi.UInt32, table.slots, place, active)
         filled = active & (texture != NO_TEXTURE)
-        if dr.hint(filled, exclude=[table, footprint, name, otherwise]):
-            texel = _sampled(table, texture, place, footprint, filled, name == "normal_texture")
-    return texel
+        if dr.hint(filled, exclude=[table, footprint, biases, name, kind]):
+            texels = _sampled(table, texture, place, footprint, biases, filled, kind)
+    return texels
+
+
+def _empty(kind: Kind, count: int) -> list[mi.Vector4f] | list[mi.Float]:
+    if kind == "alpha":
+        return [mi.Float(1) for _ in range(count)]
+    return [mi.Vector4f(1) if kind == "texel" else mi.Vector4f(0, 0, 1, 0) for _ in range(count)]
 
 
 def _sampled(
-    table: MaterialTable, texture: mi.UInt32, place: mi.UInt32, footprint: Footprint, filled: mi.Bool, normals: bool
-) -> mi.Vector4f:
-    sample = sample_normal if normals else sample_texture
+    table: MaterialTable, texture: mi.UInt32, place: mi.UInt32, footprint: Footprint, biases, filled: mi.Bool, kind: Kind
+) -> list[mi.Vector4f] | list[mi.Float]:
     uv, duv_dx, duv_dy = footprint.uv, footprint.duv_dx, footprint.duv_dy
     if footprint.second is not None:
         second = dr.gather(mi.UInt32, table.sets, place, filled) == 1
@@ -234,11 +246,11 @@ def _sampled(
     if table.moves_uv:
         u, v = (dr.gather(mi.Vector3f, table.uv, place * 2 + row, filled) for row in range(2))
 
-        def linear(vector):
+        def linear(vector) -> mi.Vector2f:
             return mi.Vector2f(u.x * vector.x + u.y * vector.y, v.x * vector.x + v.y * vector.y)
 
         uv, duv_dx, duv_dy = mi.Point2f(linear(uv) + mi.Vector2f(u.z, v.z)), linear(duv_dx), linear(duv_dy)
-    return sample(table.textures, texture, uv, duv_dx, duv_dy, footprint.bias, filled)
+    return sample_each(table.textures, texture, uv, duv_dx, duv_dy, biases, filled, kind)
 
 
 def _pyramids(

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from .backend import dr, mi
 from .colour import LUMINANCE_709
-from .gbuffer import finest_footprint
 from .geometry import Geometry, Pose
 from .materials import MaterialTable, emitted, opacity_of, surface_of
 from .scene.description import Material, SceneDescription
 from .scene.images import linear_texels
+from .solid import finest_footprint
 from .tracing import Hit, triangle_of
 
 NOT_A_LIGHT = 0xFFFFFFFF

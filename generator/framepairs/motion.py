@@ -4,15 +4,17 @@ Directions and signs are those of `conventions`: motion = previous - current pla
 Zeng et al. 2021 and section 2 of the NSRD supplement.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from .backend import dr, mi
 from .channels import IN_FRONT_OF_PREVIOUS_CAMERA, INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
-from .gbuffer import GBuffer, Pixel, camera_ray, first_solid
+from .gbuffer import GBuffer, camera_ray
 from .geometry import Geometry, Pose
 from .materials import MaterialTable
 from .precise import is_large, precise_motion
 from .projection import Projected, View, direction, project, project_direction
+from .solid import Pixel, search
 from .tracing import point_of
 
 # A point counts as seen when the surface met on its way lies nearer by less than this share of its depth: float32 places
@@ -58,6 +60,49 @@ def motion_of(
 
     Without `with_occlusion` no ray is traced: dual motion equals motion, and bit 2 of visibility is 0.
     """
+    now = geometry, materials, pose, view, precise_view
+    return _motion_and_tests(*now, before, (before.pixel.bias,), sample, x, y, size, with_occlusion)[0]
+
+
+def motions_of(
+    geometry: Geometry,
+    materials: MaterialTable,
+    pose: Pose,
+    view: View,
+    precise_view: View,
+    before: Before,
+    biases: Sequence[mi.Float],
+    samples: list[GBuffer],
+    differ: list[mi.Bool],
+    x: mi.Float,
+    y: mi.Float,
+    size: tuple[mi.Float, mi.Float],
+    with_occlusion: bool = True,
+) -> list[Motion]:
+    """`motion_of` what `gbuffers` found for each of `biases`, which are those of the previous frame's pixels, too: computed
+    anew where it is another surface, or where alpha tests of the previous frame end otherwise."""
+    now = geometry, materials, pose, view, precise_view
+    first, tests = _motion_and_tests(*now, before, biases, samples[0], x, y, size, with_occlusion)
+    befores = [replace(before, pixel=replace(before.pixel, bias=bias)) for bias in biases]
+    anew = [surface | test for surface, test in zip(differ, tests, strict=True)]
+    rest = zip(befores[1:], samples[1:], anew[1:], strict=True)
+    return [first, *(_own(now, *each, first, x, y, size, with_occlusion) for each in rest)]
+
+
+@dr.syntax
+def _own(now, before: Before, sample: GBuffer, differs: mi.Bool, first: Motion, x, y, size, with_occlusion: bool) -> Motion:
+    motion, dual, bits = mi.Vector2f(first.motion), mi.Vector2f(first.dual_motion), mi.UInt32(first.visibility)
+    if dr.hint(now[1].masks, mode="scalar"):
+        if dr.hint(differs, exclude=[now, before, sample, first, x, y, size, with_occlusion]):
+            own = motion_of(*now, before, sample, x, y, size, with_occlusion)
+            motion, dual, bits = own.motion, own.dual_motion, own.visibility
+    return Motion(motion, dual, bits)
+
+
+def _motion_and_tests(
+    geometry, materials, pose, view, precise_view, before: Before, biases, sample: GBuffer, x, y, size, with_occlusion
+) -> tuple[Motion, list[mi.Bool]]:
+    """(`motion_of` with the first of `biases`, where the previous frame's alpha tests end otherwise with each of them)."""
     hit = sample.hit
     sky = direction(view, x, y)
     then = _choose(
@@ -71,17 +116,18 @@ def motion_of(
     motion = mi.Vector2f(apart.x * size[0], apart.y * size[1])
     motion = dr.select(in_front, motion, _turned_away(then, size))
     inside = in_front & (then.x >= 0) & (then.x < 1) & (then.y >= 0) & (then.y < 1)
-    dual, seen = motion, mi.Bool(False)
+    dual, seen, differ = motion, mi.Bool(False), [mi.Bool(False) for _ in biases]
     if with_occlusion:
-        dual, seen = _dual(geometry, materials, pose, view, before, hit, then, motion, inside, (x, y), size)
+        dual, seen, differ = _dual(geometry, materials, pose, view, before, biases, hit, then, motion, inside, (x, y), size)
     bits = dr.select(inside, mi.UInt32(INSIDE_PREVIOUS_FRAME), 0)
     bits |= dr.select(in_front, mi.UInt32(IN_FRONT_OF_PREVIOUS_CAMERA), 0)
     bits |= dr.select(seen, mi.UInt32(SEEN_BY_PREVIOUS_CAMERA), 0)
-    return Motion(
+    found = Motion(
         motion=dr.select(before.exists, motion, 0),
         dual_motion=dr.select(before.exists, dual, 0),
         visibility=dr.select(before.exists, bits, 0),
     )
+    return found, differ
 
 
 @dr.syntax
@@ -93,18 +139,16 @@ def _refined(
     hit = sample.hit
     large = is_large(geometry, pose, view, hit, sample.depth)
     if dr.hint(large, exclude=[geometry, pose, view, precise_view, before, sample, hit, then, now]):
-        place, z, apart = precise_motion(
-            geometry, pose, before.pose, precise_view, before.precise_view, hit, x, y
-        )
+        place, z, apart = precise_motion(geometry, pose, before.pose, precise_view, before.precise_view, hit, x, y)
     return Projected(place.x, place.y, z, then.lateral), apart
 
 
 def _dual(
-    geometry, materials, pose, view, before, hit, then, motion, inside, place, size
-) -> tuple[mi.Vector2f, mi.Bool]:
-    """(dual motion, seen by the previous camera)."""
+    geometry, materials, pose, view, before, biases, hit, then, motion, inside, place, size
+) -> tuple[mi.Vector2f, mi.Bool, list[mi.Bool]]:
+    """(dual motion, seen by the previous camera, where alpha tests end otherwise with each bias)."""
     ray = camera_ray(before.view, then.x, then.y)
-    met, z = first_solid(geometry, materials, before.pose, ray, before.pixel, inside, start=before.view.near)
+    met, z, differ = search(geometry, materials, before.pose, ray, before.pixel, biases, inside, start=before.view.near)
     same = met.valid & hit.valid & (met.object == hit.object) & (met.face == hit.face)
     seen = inside & dr.select(hit.valid, same | ~met.valid | (z >= then.z * (1 - SEEN_TOLERANCE)), ~met.valid)
     if geometry.hides:  # what was not drawn was not seen, whatever stood there
@@ -117,7 +161,7 @@ def _dual(
     # y - z = (x + motion) - z, with x the sample's own place
     relative = mi.Vector2f((place[0] - occluder.x) * size[0], (place[1] - occluder.y) * size[1]) + motion
     occluded = inside & ~seen & (occluder.z > 0)
-    return dr.select(occluded, relative, motion), seen
+    return dr.select(occluded, relative, motion), seen, differ
 
 
 def _sky_place(view: View, towards: mi.Vector3f, x: mi.Float, y: mi.Float) -> Projected:

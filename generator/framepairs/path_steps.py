@@ -10,13 +10,14 @@ from .backend import dr, mi
 from .brdf import density, evaluate, sample
 from .conventions import BrdfModel
 from .environment import sample_sky, sky_along
-from .gbuffer import SKIP, SKIP_ORIGIN, GBuffer, Pixel, first_solid, footprint_of
+from .gbuffer import GBuffer
 from .geometry import Pose
 from .kept_bsdfs import KeptPoint, evaluate_kept, kept_point, sample_kept
 from .lights import FAR, SHORT_OF_LIGHT, Lights, choose_light, light_along, sample_light
 from .materials import is_blended, opacity_of
 from .mesh_lights import mesh_light_density
 from .shading import Shading, is_above, is_shadowed, lifted
+from .solid import SKIP, SKIP_ORIGIN, Pixel, first_solid, footprint_of
 from .tracing import Hit, triangle_of
 
 

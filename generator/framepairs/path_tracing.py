@@ -14,9 +14,10 @@ import numpy as np
 from .backend import dr, mi, opaque
 from .conventions import Stream
 from .environment import sky_radiance
-from .gbuffer import GBuffer, Pixel, camera_ray, describe_hit, gbuffer
+from .gbuffer import GBuffer, camera_ray, describe_hit, gbuffer
 from .geometry import Pose
 from .jitter import antialiasing_positions
+from .lanes import Lanes
 from .lights import Lights
 from .path_steps import (
     World,
@@ -30,6 +31,7 @@ from .path_steps import (
 from .plan import RenderPlan
 from .projection import View
 from .shading import Shading
+from .solid import Pixel
 
 SURE_DEPTH = 5  # edges before Russian roulette begins
 
@@ -54,23 +56,22 @@ def path_light(
     view: View,
     pixel: Pixel,
     stream: Stream,
+    lanes: Lanes,
     jitter: tuple[float, float],
     seed: int,
 ) -> PathLight:
-    """The mean over plan.samples_per_pixel light paths per pixel, row-major.
+    """The mean over plan.samples_per_pixel light paths per pixel, in the order of `lanes`.
 
     HR's AA positions share them (at least one each). `seed` decides all random numbers: see `path_seed`.
     """
-    width, height = stream.size
-    index, columns = dr.arange(mi.UInt32, width * height), dr.opaque(mi.UInt32, width)
     paths = max(1, plan.samples_per_pixel // stream.samples)
     # Optimising a loop records it twice, and loops here are nested six deep.
     with dr.scoped_set_flag(dr.JitFlag.OptimizeLoops, False):
         mean, variance, largest, total, rejected = _means(
             World(shading, lights, pose, pixel, dr.opaque(mi.UInt32, plan.max_depth)),
             view,
-            random_numbers(index, seed),
-            corner=mi.Vector2f(mi.Float(index % columns), mi.Float(index // columns)),
+            random_numbers(lanes.index, seed),
+            corner=mi.Vector2f(lanes.x, lanes.y),
             inside=mi.Float(np.array(antialiasing_positions(stream.samples, stream.pattern), dtype=np.float32).ravel()),
             jitter=opaque(mi.Vector2f, jitter),
             size=opaque(mi.Vector2f, stream.size),

@@ -14,12 +14,13 @@ from functools import partial
 from .backend import dr
 from .channels import Channel
 from .conventions import CONVENTIONS, frame_name
-from .engine import Engine, StreamFrame
+from .engine import Engine
 from .errors import MachineError
 from .exr import encode
 from .frame import FrameState, check_frames
 from .frame_parts import stream_part
 from .job import Job, open_corpus, write_manifest
+from .launched import StreamFrame, fetch
 from .locking import corpus_lock
 from .manifest import (
     CameraRecord,
@@ -170,7 +171,7 @@ def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, pro
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, profile):
         state = wanted.state
         middle = time.perf_counter()
-        streams = [engines[0].render(state, stream, names, job.seed) for stream in wanted.streams]
+        streams = fetch(engines[0].launch(state, wanted.streams, names, job.seed))
         costs = FrameProfile(state=middle - start, render=time.perf_counter() - middle)
         if profile:
             kernels = [entry for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT]

@@ -7,7 +7,7 @@ import numpy as np
 from .backend import dr, mi
 from .brdf import Brdf
 from .environment import Sky, build_sky
-from .gbuffer import GBuffer, first_solid
+from .gbuffer import GBuffer
 from .geometry import Geometry, Pose
 from .jitter import antialiasing_positions
 from .kept_bsdfs import KeptBsdfs, build_kept
@@ -15,6 +15,7 @@ from .materials import MaterialTable, build_materials
 from .mesh_lights import MeshLights, build_mesh_lights
 from .plan import RenderPlan
 from .scene.description import SceneDescription
+from .solid import first_solid
 from .textures import TextureSettings
 
 OFFSET = 3e-5  # of the distances at play: a few hundred float32 roundings
@@ -87,11 +88,16 @@ def is_above(surface, towards: mi.Vector3f) -> mi.Bool:
     return (dr.dot(surface.geometric, towards) > 0) & (dr.dot(surface.normal, towards) > 0)
 
 
-def is_shadowed(shading: Shading, pose: Pose, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
-    """Whether an opaque surface stops the ray before its end; blended ones do not."""
+def is_shadowed(shading: Shading, pose: Pose, ray: mi.Ray3f, active: mi.Bool, coherent: bool = False) -> mi.Bool:
+    """Whether an opaque surface stops the ray before its end; blended ones do not. coherent: neighbouring rays go alike,
+    which changes no result.
+
+    With masks, asking first whether anything is met costs more than it saves: half of the packets need the second ray.
+    """
     if not (shading.materials.masks or shading.materials.blends or shading.geometry.hides):
-        return pose.scene.ray_test(ray, active=active)
-    hit, _ = first_solid(shading.geometry, shading.materials, pose, ray, None, active, start=mi.Float(0))
+        return pose.scene.ray_test(ray, active=active, coherent=coherent)
+    surfaces = shading.geometry, shading.materials, pose
+    hit, _ = first_solid(*surfaces, ray, None, active, start=mi.Float(0), coherent=coherent)
     return hit.valid
 
 

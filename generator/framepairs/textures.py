@@ -7,17 +7,17 @@ The stream's bias is added to the level and leaves the taps where they are, whic
 specification, "Level-of-Detail Operation": the bias is added to the level after the ellipse was divided into taps).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .backend import dr, mi
-from .mip_pyramids import COLOR, ROUNDING, TILE, Role, mip_pyramid, tiled_halves
+from .mip_pyramids import COLOR, ROUNDING, Role, mip_pyramid, tiled_halves
 from .scene.description import Texture
+from .texels import WRAP_CODE, Image, Kind, Level, TextureTable, bilinear, finite_place, image_of, level_of, two_levels
 
-WRAP_CODE = {"repeat": 0, "mirror": 1, "clamp": 2}
 FARTHEST = 1e9  # texels per pixel, beyond which derivatives are clamped: their fourth powers are finite
 EQUAL_AXES = 1 / 64  # an ellipse is longer than wide only beyond this share: rounding alone makes no taps
 
@@ -33,58 +33,31 @@ class TextureSettings:
     mask_coverage: bool = True
 
 
-@dataclass(frozen=True)
-class TextureTable:
-    """texels: four halves each, R in the lowest bits, in tiles of 4 x 4. Per level: offset in texels. Per texture: width,
-    height, first_level, levels and wrap (codes of u and v). only_repeat: no texture of the table wraps otherwise.
-    anisotropy: the most taps."""
-
-    texels: mi.UInt64
-    offset: mi.UInt32
-    width: mi.UInt32
-    height: mi.UInt32
-    first_level: mi.UInt32
-    levels: mi.UInt32
-    wrap: mi.UInt32
-    only_repeat: bool
-    anisotropy: int
-
-
-@dataclass(frozen=True)
-class _Image:
-    """A texture per lane: its first and last level, its size in texels, and its wrap code."""
-
-    first: mi.UInt32
-    last: mi.UInt32
-    width: mi.UInt32
-    height: mi.UInt32
-    wrap: mi.UInt32
-
-
-@dataclass(frozen=True)
-class _Level:
-    """One level of a texture per lane: where its texels start, and its size."""
-
-    offset: mi.UInt32
-    width: mi.UInt32
-    height: mi.UInt32
-
-
-def build_textures(textures: Sequence[Texture], roles: Sequence[Role] | None = None, anisotropy: int = 1) -> TextureTable:
-    """Pyramids of all textures, each in its role (colours without `roles`). Nothing gives a table with one white texel."""
+def build_textures(
+    textures: Sequence[Texture],
+    roles: Sequence[Role] | None = None,
+    anisotropy: int = 1,
+    with_alpha: Collection[int] = (),
+) -> TextureTable:
+    """Pyramids of all textures, each in its role (colours without `roles`). Nothing gives a table with one white texel.
+    with_alpha: the textures whose alpha alone `sample_each` may be asked for."""
     roles = roles or [COLOR] * len(textures)
     pyramids = [mip_pyramid(*pair) for pair in zip(textures, roles, strict=True)] or [[np.ones((1, 1, 4), np.float32)]]
-    tiles = [tiled_halves(level) for pyramid in pyramids for level in pyramid]
-    counts = [len(pyramid) for pyramid in pyramids]
+    tiles = [[tiled_halves(level) for level in pyramid] for pyramid in pyramids]
+    sizes = [[len(level) for level in pyramid] for pyramid in tiles]
+    begins, alphas, excess = _begins(map(sum, sizes)), [], np.zeros(len(tiles), np.int64)
+    for k in sorted(with_alpha):
+        excess[k] = begins[k] - sum(map(len, alphas))
+        alphas += [tiled_halves(_alphas(level, textures[k].wrap)) for level in pyramids[k]]
     wraps = [WRAP_CODE[t.wrap[0]] | WRAP_CODE[t.wrap[1]] << 2 for t in textures] or [0]
+    shapes = zip((pyramid[0].shape for pyramid in pyramids), wraps, strict=True)
     return TextureTable(
-        texels=mi.UInt64(np.concatenate(tiles)),
-        offset=_table(np.concatenate([[0], np.cumsum([len(level) for level in tiles])[:-1]])),
-        width=_table([pyramid[0].shape[1] for pyramid in pyramids]),
-        height=_table([pyramid[0].shape[0] for pyramid in pyramids]),
-        first_level=_table(np.concatenate([[0], np.cumsum(counts)[:-1]])),
-        levels=_table(counts),
-        wrap=_table(wraps),
+        texels=mi.UInt64(np.concatenate(sum(tiles, []))),
+        alphas=mi.UInt64(np.concatenate(alphas or [np.zeros(1, np.uint64)])),
+        offset=_table(_begins(sum(sizes, []))),
+        first_level=_table(_begins(len(pyramid) for pyramid in pyramids)),
+        facts=mi.UInt64(np.array([shape[1] | shape[0] << 29 | wrap << 58 for shape, wrap in shapes], dtype=np.uint64)),
+        excess=_table(excess),
         only_repeat=not any(wraps),
         anisotropy=anisotropy,
     )
@@ -100,7 +73,33 @@ def sample_texture(
     active: mi.Bool,
 ) -> mi.Vector4f:
     """RGBA at `uv` (v up), filtered for a pixel whose uv derivatives are `duv_dx`, `duv_dy`, `bias` levels further."""
-    return _filtered(table, texture, uv, duv_dx, duv_dy, bias, active, False)
+    return sample_each(table, texture, uv, duv_dx, duv_dy, (bias,), active)[0]
+
+
+def sample_each(
+    table: TextureTable,
+    texture: mi.UInt32,
+    uv: mi.Point2f,
+    duv_dx: mi.Vector2f,
+    duv_dy: mi.Vector2f,
+    biases: Sequence[mi.Float],
+    active: mi.Bool,
+    kind: Kind = "texel",
+) -> list[mi.Vector4f] | list[mi.Float]:
+    """`sample_texture` for each of `biases`, or `sample_normal`, or A alone of textures that the table was built
+    `with_alpha` (a quarter of the gathers). Only the levels differ: the footprint and its taps are found once."""
+    image = image_of(table, texture, active)
+    unbiased, taps, axis = _footprint(table, image, duv_dx, duv_dy)
+    levels = [two_levels(table, image, unbiased + bias, active) for bias in biases]
+    if kind == "alpha":
+        excess = dr.gather(mi.UInt32, table.excess, texture, active)
+        levels = [(*(replace(each, offset=each.offset - excess) for each in pair), weight) for *pair, weight in levels]
+    uv = finite_place(uv)
+    if table.anisotropy == 1:
+        values = _look_ups(table, levels, image.wrap, uv, active, kind)
+    else:
+        values = _means_of_taps(table, levels, image.wrap, uv, axis, taps, active, kind)
+    return [_with_lost_length(value) for value in values] if kind == "normal" else values
 
 
 def sample_normal(
@@ -117,25 +116,21 @@ def sample_normal(
     The variance is the mean of what the texels lost, plus (1 - length) / length of the mean of the taps' directions. Where
     directions cancel, the direction is (0, 0, 1).
     """
-    value = _filtered(table, texture, uv, duv_dx, duv_dy, bias, active, True)
-    length = dr.norm(mi.Vector3f(value.x, value.y, value.z))
-    lost = dr.select(1 - length > ROUNDING, 1 - length, 0) / dr.maximum(length, ROUNDING)
-    return mi.Vector4f(value.x, value.y, dr.select(length > ROUNDING, value.z, 1), value.w + lost)
+    return sample_each(table, texture, uv, duv_dx, duv_dy, (bias,), active, "normal")[0]
 
 
-def sample_level(
-    table: TextureTable, texture: mi.UInt32, uv: mi.Point2f, level: mi.Float, active: mi.Bool
-) -> mi.Vector4f:
+def sample_level(table: TextureTable, texture: mi.UInt32, uv: mi.Point2f, level: mi.Float, active: mi.Bool) -> mi.Vector4f:
     """RGBA at `uv`, trilinear at a real `level`, clamped to the levels there are."""
-    image = _image(table, texture, active)
-    fine, coarse, weight = _two_levels(table, image, level, active)
-    return _trilinear(table, fine, coarse, weight, image.wrap, _finite_place(uv), active)
+    image = image_of(table, texture, active)
+    uv = finite_place(uv)
+    level = level + 0 * uv.x  # as many lanes as places: a branch asks for the level
+    return _trilinear(table, *two_levels(table, image, level, active), image.wrap, uv, active, "texel")
 
 
 def sample_finest(table: TextureTable, texture: mi.UInt32, uv: mi.Point2f, active: mi.Bool) -> mi.Vector4f:
     """RGBA at `uv`, bilinear at level 0."""
-    image = _image(table, texture, active)
-    return _bilinear(table, _level(table, image, mi.UInt32(0), active), image.wrap, _finite_place(uv), active)
+    image = image_of(table, texture, active)
+    return bilinear(table, level_of(table, image, mi.UInt32(0), active), image.wrap, finite_place(uv), active, "texel")
 
 
 def mip_level(
@@ -146,21 +141,11 @@ def mip_level(
     log2 of the footprint's shorter axis in texels (of the longer over `anisotropy`, where that is more), plus `bias`;
     for `anisotropy` 1, of the longer of the two derivatives.
     """
-    image = _image(table, texture, active)
+    image = image_of(table, texture, active)
     return _footprint(table, image, duv_dx, duv_dy)[0] + bias
 
 
-def _filtered(table, texture, uv, duv_dx, duv_dy, bias, active, unit: bool) -> mi.Vector4f:
-    image = _image(table, texture, active)
-    level, taps, axis = _footprint(table, image, duv_dx, duv_dy)
-    (fine, coarse, weight), uv = _two_levels(table, image, level + bias, active), _finite_place(uv)
-    if table.anisotropy == 1:
-        value = _trilinear(table, fine, coarse, weight, image.wrap, uv, active)
-        return _with_unit_normal(value) if unit else value
-    return _mean_of_taps(table, fine, coarse, weight, image.wrap, uv, axis, taps, active, unit)
-
-
-def _footprint(table: TextureTable, image: _Image, duv_dx, duv_dy) -> tuple[mi.Float, mi.Float, mi.Vector2f]:
+def _footprint(table: TextureTable, image: Image, duv_dx, duv_dy) -> tuple[mi.Float, mi.Float, mi.Vector2f]:
     """(level without bias, number of taps, uv from one end of what the taps share to the other). The axes are the singular
     values of [d/dx d/dy] in texels: lengths of the pixel's unit circle after the map."""
     size = mi.Vector2f(mi.Float(image.width), mi.Float(image.height))
@@ -187,99 +172,55 @@ def _footprint(table: TextureTable, image: _Image, duv_dx, duv_dy) -> tuple[mi.F
 
 
 @dr.syntax
-def _mean_of_taps(
-    table: TextureTable,
-    fine: _Level,
-    coarse: _Level,
-    weight: mi.Float,
-    wrap: mi.UInt32,
-    uv: mi.Point2f,
-    axis: mi.Vector2f,
-    taps: mi.Float,
-    active: mi.Bool,
-    unit: bool,
-) -> mi.Vector4f:
-    """The mean of `taps` trilinear look-ups in the middles of equal parts of `axis` around `uv`.
+def _means_of_taps(
+    table: TextureTable, levels, wrap: mi.UInt32, uv: mi.Point2f, axis: mi.Vector2f, taps: mi.Float, active: mi.Bool, kind: Kind
+) -> list[mi.Vector4f] | list[mi.Float]:
+    """For each of `levels` the mean of `taps` look-ups in the middles of equal parts of `axis` around `uv`.
 
     Equal weights err least: 0.011 on a checkerboard to the horizon; Gaussian ones at least twice that.
     """
-    k, total = mi.Float(0), mi.Vector4f(0)
-    while dr.hint(active & (k < taps), exclude=[table, fine, coarse, weight, wrap, uv, axis, unit]):
-        value = _trilinear(table, fine, coarse, weight, wrap, uv + axis * ((k + 0.5) / taps - 0.5), active)
-        total += _with_unit_normal(value) if dr.hint(unit, mode="scalar") else value
+    k, totals = mi.Float(0), _zeros(len(levels), kind)
+    while dr.hint(active & (k < taps), exclude=[table, levels, wrap, uv, axis, kind]):
+        totals = _sums(totals, _look_ups(table, levels, wrap, uv + axis * ((k + 0.5) / taps - 0.5), active, kind))
         k += 1
-    return total / taps
+    return _quotients(totals, taps)
 
 
-def _trilinear(table: TextureTable, fine: _Level, coarse: _Level, weight, wrap, uv, active) -> mi.Vector4f:
-    finer = _bilinear(table, fine, wrap, uv, active)
-    return dr.lerp(finer, _bilinear(table, coarse, wrap, uv, active & (weight > 0)), weight)
+def _look_ups(table: TextureTable, levels, wrap, uv, active, kind: Kind) -> list[mi.Vector4f] | list[mi.Float]:
+    values = [_trilinear(table, *levels[0], wrap, uv, active, kind)]
+    for level in levels[1:]:
+        values.append(_unless_equal(table, values[0], levels[0], level, wrap, uv, active, kind))
+    return values
 
 
-def _bilinear(table: TextureTable, level: _Level, wrap: mi.UInt32, uv: mi.Point2f, active: mi.Bool) -> mi.Vector4f:
-    left, right, fx = _neighbours(uv.x, level.width, wrap & 3, table.only_repeat)
-    top, bottom, fy = _neighbours(1 - uv.y, level.height, wrap >> 2, table.only_repeat)
-    pitch = (level.width + TILE - 1) // TILE * TILE**2  # texels in a row of tiles
-    left, right = (x // TILE * TILE**2 + x % TILE for x in (left, right))
-    top, bottom = (level.offset + y // TILE * pitch + y % TILE * TILE for y in (top, bottom))
-    above = dr.lerp(_texel(table, top + left, active), _texel(table, top + right, active), fx)
-    below = dr.lerp(_texel(table, bottom + left, active), _texel(table, bottom + right, active), fx)
-    return dr.lerp(above, below, fy)
+@dr.syntax
+def _unless_equal(table: TextureTable, value, known, level, wrap, uv, active, kind: Kind) -> mi.Vector4f | mi.Float:
+    """The look-up of `level`; `value` where it is that of `known`: many levels are all clamped to the finest."""
+    differs = active & ((level[0].offset != known[0].offset) | (level[2] != known[2]))
+    if dr.hint(differs, exclude=[table, known, level, wrap, uv, kind]):
+        value = _trilinear(table, *level, wrap, uv, differs, kind)
+    return value
 
 
-def _texel(table: TextureTable, index: mi.UInt32, active: mi.Bool) -> mi.Vector4f:
-    """One gather of 8 bytes: LLVM gathers single halves several times as slowly."""
-    bits = dr.gather(mi.UInt64, table.texels, index, active)
-    low, high = mi.UInt32(bits), mi.UInt32(bits >> 32)
-    return mi.Vector4f(_half(low << 16), _half(low), _half(high << 16), _half(high))
+@dr.syntax
+def _trilinear(table: TextureTable, fine: Level, coarse: Level, weight, wrap, uv, active, kind: Kind) -> mi.Vector4f | mi.Float:
+    """Many look-ups lie on level 0, or are magnified: there the coarser level is not read."""
+    value, between = bilinear(table, fine, wrap, uv, active, kind), active & (weight > 0)
+    if dr.hint(between, exclude=[table, coarse, weight, wrap, uv, kind]):
+        value = dr.lerp(value, bilinear(table, coarse, wrap, uv, between, kind), weight)
+    return _with_unit_normal(value) if dr.hint(kind == "normal", mode="scalar") else value
 
 
-def _half(bits: mi.UInt32) -> mi.Float:
-    """The half in the upper 16 bits: its exponent is biased by 15, a float's by 127."""
-    moved = mi.UInt32(mi.Int32(bits) >> 3) & 0x8FFFE000
-    return dr.reinterpret_array(mi.Float, moved) * 2.0**112
+def _sums(first: list, second: list) -> list:
+    return [a + b for a, b in zip(first, second, strict=True)]
 
 
-def _neighbours(coordinate: mi.Float, extent: mi.UInt32, wrap: mi.UInt32, only_repeat: bool):
-    """The two texel indices around `coordinate` (0 to 1 over `extent` texels), and the weight of the second."""
-    repeated = coordinate - dr.floor(coordinate)
-    if not only_repeat:
-        half = 0.5 * coordinate
-        mirrored = 1 - dr.abs(2 * (half - dr.floor(half)) - 1)
-        bounded = dr.select(wrap == WRAP_CODE["mirror"], mirrored, dr.clip(coordinate, 0, 1))
-        repeated = dr.select(wrap == WRAP_CODE["repeat"], repeated, bounded)
-    place = repeated * mi.Float(extent) - 0.5
-    floor = dr.floor(place)
-    first, count = mi.Int32(floor), mi.Int32(extent)
-    second = first + 1
-    over, under = mi.Int32(0), count - 1  # what lies beyond an edge: the other side of a repeated texture,
-    if not only_repeat:
-        over = dr.select(wrap == WRAP_CODE["repeat"], 0, count - 1)  # the edge itself of all others
-        under = dr.select(wrap == WRAP_CODE["repeat"], count - 1, 0)
-    first = dr.select(first < 0, under, dr.minimum(first, count - 1))
-    second = dr.select(second >= count, over, second)
-    return mi.UInt32(first), mi.UInt32(second), place - floor
+def _quotients(values: list, divisor: mi.Float) -> list:
+    return [value / divisor for value in values]
 
 
-def _image(table: TextureTable, texture: mi.UInt32, active: mi.Bool) -> _Image:
-    first, levels, width, height, wrap = (
-        dr.gather(mi.UInt32, column, texture, active)
-        for column in (table.first_level, table.levels, table.width, table.height, table.wrap)
-    )
-    return _Image(first, dr.maximum(levels, 1) - 1, width, height, wrap)
-
-
-def _two_levels(table: TextureTable, image: _Image, level: mi.Float, active) -> tuple[_Level, _Level, mi.Float]:
-    """The levels around a real one, clamped to those there are, and the weight of the coarser."""
-    level = dr.clip(level, 0, mi.Float(image.last))
-    below = dr.minimum(mi.UInt32(level), image.last)
-    above = dr.minimum(below + 1, image.last)
-    return _level(table, image, below, active), _level(table, image, above, active), level - mi.Float(below)
-
-
-def _level(table: TextureTable, image: _Image, number: mi.UInt32, active: mi.Bool) -> _Level:
-    offset = dr.gather(mi.UInt32, table.offset, image.first + number, active)
-    return _Level(offset, dr.maximum(image.width >> number, 1), dr.maximum(image.height >> number, 1))
+def _zeros(count: int, kind: Kind) -> list[mi.Vector4f] | list[mi.Float]:
+    return [mi.Float(0) if kind == "alpha" else mi.Vector4f(0) for _ in range(count)]
 
 
 def _with_unit_normal(value: mi.Vector4f) -> mi.Vector4f:
@@ -287,13 +228,31 @@ def _with_unit_normal(value: mi.Vector4f) -> mi.Vector4f:
     return mi.Vector4f(value.x * scale, value.y * scale, value.z * scale, value.w)
 
 
+def _with_lost_length(value: mi.Vector4f) -> mi.Vector4f:
+    length = dr.norm(mi.Vector3f(value.x, value.y, value.z))
+    lost = dr.select(1 - length > ROUNDING, 1 - length, 0) / dr.maximum(length, ROUNDING)
+    return mi.Vector4f(value.x, value.y, dr.select(length > ROUNDING, value.z, 1), value.w + lost)
+
+
 def _finite_slope(slope: mi.Vector2f) -> mi.Vector2f:
     """Texels per pixel: what is no number counts as very many."""
     return mi.Vector2f(*(dr.select(dr.isfinite(s), dr.clip(s, -FARTHEST, FARTHEST), FARTHEST) for s in slope))
 
 
-def _finite_place(uv: mi.Point2f) -> mi.Point2f:
-    return mi.Point2f(*(dr.select(dr.isfinite(c), c, 0) for c in uv))
+def _alphas(level: NDArray[np.float32], wrap: tuple[str, str]) -> NDArray[np.float32]:
+    """[h, w, 4]: A of each texel of a level, and of what a bilinear look-up takes right, below and right below it."""
+    alpha = level[..., 3]
+    rows, columns = (
+        (np.arange(count) + 1) % count if repeats == "repeat" else np.minimum(np.arange(count) + 1, count - 1)
+        for count, repeats in zip(alpha.shape, wrap[::-1], strict=True)
+    )
+    return np.stack([alpha, alpha[:, columns], alpha[rows], alpha[rows][:, columns]], axis=-1)
+
+
+def _begins(counts: Iterable[int]) -> NDArray[np.int64]:
+    """Where each of consecutive parts with these numbers of elements begins."""
+    counts = list(counts)
+    return np.cumsum([0, *counts])[: len(counts)]
 
 
 def _table(values: Sequence[int] | NDArray) -> mi.UInt32:
