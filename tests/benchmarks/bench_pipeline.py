@@ -1,8 +1,8 @@
-"""What does writing add to rendering?   python tests/benchmarks/bench_pipeline.py [WIDTH HEIGHT]
+"""What does writing add to rendering?   python tests/benchmarks/bench_pipeline.py [WIDTH HEIGHT [all]]
 
-Frames of the market with all channels, 16 samples of truth and LR at 2x: rendered, encoded, hashed and written by the
-pipeline, over the same frames rendered alone, in wall time and in core-seconds (CPU time of all threads; a GPU's is not in
-it). Four frames each, after two of warm-up, which compile kernels.
+Frames of the market with all channels, 16 samples of truth and LR at 2x (`all`: 2x and 3x in all variants): rendered, encoded,
+hashed and written by the pipeline, over the same frames rendered alone, in wall time and in core-seconds (CPU time of all
+threads; a GPU's is not in it). Four frames each, after two of warm-up, which compile kernels.
 """
 
 import sys
@@ -16,11 +16,13 @@ from framepairs.bundled import find_scene
 from framepairs.channels import CHANNEL
 from framepairs.engine import Engine
 from framepairs.frame import frame_states
+from framepairs.launched import fetch
 from framepairs.options import make_job
 from framepairs.pipeline import render_sequence
 from framepairs.plan import make_plan
 
 WARM_UP, FRAMES = 2, 4
+VARIANTS = ("native", "jittered", "mip", "jittered_mip")
 
 
 def clocks() -> tuple[float, float]:
@@ -50,14 +52,14 @@ def alone(job) -> tuple[float, float]:
     for index, state in enumerate(frame_states(job.shoot, range(WARM_UP + FRAMES))):
         if index == WARM_UP:
             start = clocks()
-        for stream in job.streams:
-            engine.render(state, stream, names, 0)
+        fetch(engine.launch(state, job.streams, names, 0))
     return since(start)
 
 
 def main() -> None:
     size = tuple(int(value) for value in sys.argv[1:3]) if len(sys.argv) > 2 else (1920, 1080)
-    plan = make_plan({"display": size, "scales": (2,), "channels": "all"})
+    streams = {"scales": (2, 3), "variants": VARIANTS} if sys.argv[3:] == ["all"] else {"scales": (2,)}
+    plan = make_plan({"display": size, "channels": "all"} | streams)
     with tempfile.TemporaryDirectory() as folder:
         job = make_job("market", find_scene("market"), None, plan, Path(folder) / "corpus", overlay="none")
         wall, core, count = whole(job)
@@ -70,7 +72,7 @@ def main() -> None:
           f"core-seconds written, {wall_alone:.2f} s and {core_alone:.2f} core-seconds rendered alone")  # fmt: skip
     print_ratios(ratios)
     facts = {"wall_s": wall, "core_s": core, "wall_alone_s": wall_alone, "core_alone_s": core_alone, "bytes_per_frame": count}
-    record("pipeline", ratios, size=list(size), **facts)
+    record("pipeline", ratios, size=list(size), streams=len(job.streams), **facts)
 
 
 if __name__ == "__main__":
