@@ -169,6 +169,16 @@ def test_ctrl_c_is_one_line_and_exit_130(monkeypatch, capsys, outcome):
     assert capsys.readouterr().err.strip() == "framepairs: interrupted; type the same command again"
 
 
+def test_an_interrupt_that_a_library_swallows_is_remembered():
+    """As those that come while trimesh is imported, which takes any exception for a missing package."""
+    lines = ["import os, signal", "from framepairs import interrupts", "interrupts.listen()"]
+    lines += ["try:", "    os.kill(os.getpid(), signal.SIGTERM)", "except BaseException:", "    print('swallowed')"]
+    lines += ["try:", "    interrupts.check()", "except KeyboardInterrupt:", "    print('remembered')"]
+    lines += ["interrupts.ignore()", "os.kill(os.getpid(), signal.SIGINT)", "print('left in peace')"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True)
+    assert done.stdout.split("\n")[:3] == ["swallowed", "remembered", "left in peace"]
+
+
 def test_regenerate_renders_only_the_frames_that_are_there(files, tmp_path):
     out = tmp_path / "c"
     for frames in ("0:1", "2:3"):

@@ -4,6 +4,8 @@ import json
 import os
 import signal
 import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,20 +125,62 @@ def test_bad_input_is_not_tried_again_and_names_the_file(client, files, tmp_path
     assert not list(job.out.glob("*/frames/*")) and not (job.out / ".lock").exists()
 
 
-def test_a_folder_that_is_not_shared_is_noticed(client, files, tmp_path, monkeypatch):
-    monkeypatch.setattr(fleets, "SHARING_S", 0.5)
+def test_a_worker_whose_client_has_gone_writes_no_more(client, files, tmp_path):
+    """What it holds is the token of a lock that is no more, or another's."""
+    job = job_in(files, tmp_path / "corpus")
+    steps = rendered(client, job, sharing_s=1, retries=0)
+    next(steps)
+    (job.out / ".lock").write_text("pid=1\nhost=elsewhere\ntoken=another\n")
+    with pytest.raises(MachineError, match="hold.* the lock of this corpus no more|the client's lock is not there|was lost"):
+        list(steps)
+    there = len(list(job.out.glob("*/frames/*.json")))
+    time.sleep(1)
+    assert len(list(job.out.glob("*/frames/*.json"))) == there < FRAMES
+
+
+def test_a_scheduler_that_dies_is_named(files, tmp_path):
+    scheduler = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
+         "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(tmp_path / "scheduler.json")],
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    while not (tmp_path / "scheduler.json").is_file():
+        time.sleep(0.05)
+    address = scheduler_address(Fleet(scheduler=str(tmp_path / "scheduler.json")))
+    worker = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"],
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        with connected(Fleet(scheduler=address, patience_s=60), VARIANT) as found:
+            job = job_in(files, tmp_path / "corpus")
+            with pytest.raises(MachineError, match="lost the scheduler|no worker has been there"):
+                for _ in rendered(found, job, patience_s=5):
+                    scheduler.kill()
+    finally:
+        for child in (scheduler, worker):
+            child.kill()
+            child.wait()
+    assert not (job.out / ".lock").exists()
+
+
+def test_a_folder_that_is_not_shared_is_noticed(client, files, tmp_path):
     job = job_in(files, tmp_path / "corpus")
     order = replace(order_of(job), out=tmp_path / "elsewhere")
-    with pytest.raises(MachineError, match="a worker wrote it, and it is not here: --out must be a folder that all"):
-        list(rendered(client, job, order=order))
+    with pytest.raises(MachineError, match="elsewhere on tcp://.*: the client's lock is not there: .* all machines share"):
+        list(rendered(client, job, order=order, sharing_s=0.5, retries=0))
+    assert not (tmp_path / "elsewhere").exists()
 
 
 def test_a_worker_that_cannot_write_is_an_error_of_the_machine(client, files, tmp_path):
     job = job_in(files, tmp_path / "corpus")
-    (tmp_path / "file").write_text("")
-    order = replace(order_of(job), out=tmp_path / "file" / "corpus")
-    with pytest.raises(MachineError, match="cannot be written"):
-        list(rendered(client, job, order=order, retries=0))
+    steps = rendered(client, job, retries=0)
+    next(steps)
+    for frames in job.out.glob("*/frames"):
+        frames.rename(tmp_path / "frames")
+        frames.write_text("")
+    with pytest.raises(MachineError, match="frames.*: cannot be written"):
+        list(steps)
 
 
 def test_a_scheduler_without_workers_or_none_at_all(client):
@@ -184,9 +228,9 @@ def test_addresses_that_are_taken(tmp_path):
 
 def test_one_gpu_per_worker(monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "2,5")
-    options = [w["options"] for w in fleets._own_cluster(Fleet(), "cuda_ad_rgb")["workers"].values()]
+    options = [w["options"] for w in fleets._specification(Fleet(), "cuda_ad_rgb")["workers"].values()]
     assert [o["env"] for o in options] == [{"CUDA_VISIBLE_DEVICES": "2"}, {"CUDA_VISIBLE_DEVICES": "5"}]
-    options = [w["options"] for w in fleets._own_cluster(Fleet(workers=3), "llvm_ad_rgb")["workers"].values()]
+    options = [w["options"] for w in fleets._specification(Fleet(workers=3), "llvm_ad_rgb")["workers"].values()]
     assert [(o["env"], o["nthreads"], o["host"]) for o in options] == [({}, 1, "127.0.0.1")] * 3
 
 

@@ -10,12 +10,12 @@ import pytest
 
 from framepairs import locking
 from framepairs.errors import FramepairsError, InputError, MachineError
-from framepairs.locking import corpus_lock
+from framepairs.locking import corpus_lock, is_held
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from framepairs.locking import corpus_lock
+from framepairs.locking import corpus_lock, is_held
 with corpus_lock(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)
@@ -60,8 +60,8 @@ def test_the_lock_of_a_killed_process_is_taken_over_at_once(tmp_path, holder):
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
     start = time.monotonic()
-    with corpus_lock(tmp_path / "corpus") as lost:
-        assert not lost.is_set()
+    with corpus_lock(tmp_path / "corpus") as hold:
+        assert not hold.lost.is_set() and is_held(tmp_path / "corpus", hold.token)
     assert time.monotonic() - start < locking.LEASE_S / 4
 
 
@@ -85,12 +85,24 @@ def test_a_lock_of_another_machine_that_nobody_touches_is_taken_over(tmp_path, m
         assert "host=elsewhere" not in (tmp_path / "corpus" / ".lock").read_text()
 
 
+def test_a_lock_without_a_name_is_refused_while_it_is_young(tmp_path):
+    """A loss of power leaves it, or another process writes its name this moment."""
+    (tmp_path / "corpus").mkdir()
+    (tmp_path / "corpus" / ".lock").touch()
+    with pytest.raises(MachineError, match=r"\.lock: a lock that names no owner"), corpus_lock(tmp_path / "corpus"):
+        pass
+    old = time.time() - 2 * locking.LEASE_S
+    os.utime(tmp_path / "corpus" / ".lock", (old, old))
+    with corpus_lock(tmp_path / "corpus"):
+        pass
+
+
 def test_a_lock_that_was_lost_is_noticed(tmp_path, monkeypatch):
     monkeypatch.setattr(locking, "LEASE_S", 1.5)
     monkeypatch.setattr(locking, "HEARTBEAT_S", 0.2)
-    with corpus_lock(tmp_path / "corpus") as lost:
+    with corpus_lock(tmp_path / "corpus") as hold:
         (tmp_path / "corpus" / ".lock").unlink()
-        assert lost.wait(5)
+        assert hold.lost.wait(5) and not is_held(tmp_path / "corpus", hold.token)
 
 
 def test_a_folder_that_cannot_be_made_is_bad_input(tmp_path):

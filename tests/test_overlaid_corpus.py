@@ -73,6 +73,7 @@ def test_a_changed_overlay_renders_the_frames_again_and_says_why(tmp_path):
 
 def test_an_overlay_that_does_not_fit_the_scene_leaves_nothing_behind(tmp_path):
     elements = [{"text": "HUD", "object": "nobody", "size": 0.1}]
+    (tmp_path / "a.overlay.json").touch()  # its bytes are hashed
     overlay = make_overlay({"version": 1, "elements": elements}, file=tmp_path / "a.overlay.json")
     job = replace(two_quads_job(tmp_path / "corpus", scales=(2,)), overlay=overlay)
     with pytest.raises(InputError, match="no object named 'nobody'"):
@@ -99,6 +100,7 @@ def test_streams_of_another_mip_bias_are_not_equal_under_an_overlay(tmp_path):
 
     job = plain_job(tmp_path, "needed")
     assert job.equal_streams
+    (tmp_path / "a.overlay.json").touch()  # its bytes are hashed
     overlay = make_overlay({"version": 1, "elements": [BOX]}, file=tmp_path / "a.overlay.json")
     assert replace(job, overlay=overlay).equal_streams == {}
     assert replace(job, overlay=replace(overlay, elements=(), picture=(), pictures=())).equal_streams == job.equal_streams

@@ -10,23 +10,30 @@ from .errors import FramepairsError, MachineError
 from .job import Job
 from .orders import Order, job_of
 from .pipeline import Progress, Renderer, render_frames
+from .resume import wanted_of
 
 
 def renewed_renderer(order: Order, frames_each: int, profile: bool = False) -> Renderer:
     """Renders in a child process, a new one after every `frames_each` frames. The files are those that one process writes."""
 
-    def render(job: Job, frames: Sequence[int]) -> Iterator[Progress]:
-        for first in range(0, len(frames), frames_each):
-            yield from _in_child(order, list(frames[first : first + frames_each]), profile)
+    def render(job: Job, frames: Sequence[int], token: str) -> Iterator[Progress]:
+        lacking: list[int] = []
+        for frame in frames:
+            if wanted_of(job, frame).as_recorded:
+                yield Progress(frame=frame, rendered=False, bytes=0)
+            else:
+                lacking.append(frame)
+        for first in range(0, len(lacking), frames_each):
+            yield from _in_child(order, lacking[first : first + frames_each], token, profile)
 
     return render
 
 
-def _in_child(order: Order, frames: list[int], profile: bool) -> Iterator[Progress]:
+def _in_child(order: Order, frames: list[int], token: str, profile: bool) -> Iterator[Progress]:
     """Raises what the child raised; MachineError where it was killed."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_render, args=(order, frames, profile, sender), daemon=True)
+    child = context.Process(target=_render, args=(order, frames, token, profile, sender), daemon=True)
     child.start()
     sender.close()
     try:
@@ -50,10 +57,10 @@ def _received(receiver: Connection) -> Any:
         return None
 
 
-def _render(order: Order, frames: list[int], profile: bool, sender: Connection) -> None:
+def _render(order: Order, frames: list[int], token: str, profile: bool, sender: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it too, and ends us
     try:
-        for step in render_frames(job_of(order), frames, profile=profile):
+        for step in render_frames(job_of(order), frames, token, profile=profile):
             sender.send(step)
     except FramepairsError as error:
         sender.send(error)

@@ -2,14 +2,13 @@
 machine cannot, 2 bad input, 130 interrupted."""
 
 import json
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from . import __version__, cli_corpora, cli_render, cli_scenes
+from . import __version__, cli_corpora, cli_render, cli_scenes, interrupts
 from .cli_options import Json
 from .errors import FramepairsError, InputError, MachineError
 from .terminal import error_console, print_table
@@ -26,7 +25,7 @@ for command in (cli_corpora.validate, cli_corpora.warp, cli_corpora.upscale, cli
 
 def main() -> None:
     """Run the command line; our own errors become one line and an exit code. SIGTERM is taken as Ctrl-C is."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interrupts.listen()
     try:
         if app(standalone_mode=False) == 130:  # newer Typer returns the exit code of an interrupt instead of raising
             raise KeyboardInterrupt
@@ -52,6 +51,7 @@ def main() -> None:
 
 
 def _leave_interrupted() -> None:
+    interrupts.ignore()
     error_console.print("framepairs: interrupted; type the same command again")
     sys.exit(130)
 

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from . import interrupts
 from .bundled import find_scene
 from .cli_options import (
     AllowOutside,
@@ -197,6 +198,7 @@ def _render(asked: list[tuple], renderer_of: Callable, *, quiet: bool, json_: bo
     """Renders jobs with their frames. With --json, one document: an object for one sequence, a list for several."""
     summaries = []
     for job, frames in asked:
+        interrupts.check()
         options |= {"renderer": renderer_of(job), "profile": profile}
         summaries.append(_render_one(job, frames, silent=quiet or json_, options=options))
     if json_:
@@ -209,20 +211,24 @@ def _render_one(job, frames: Sequence[int], *, silent: bool, options: dict) -> d
     if not silent:
         estimate = estimated_bytes(job, len(frames)) / 1e9
         out_console.print(f"{job.sequence}: {len(frames)} frames into {job.out}, at most {estimate:.2f} GB", markup=False)
-    start, steps = time.perf_counter(), []
+    start, size, reasons, workers, profiles = time.perf_counter(), 0, Counter(), set(), {}
     with progress(silent) as bar:
         task = bar.add_task(job.sequence, total=len(frames))
         for step in render_sequence(job, frames, **options):
-            steps.append(step)
-            bar.update(task, advance=1, description=_so_far(job, steps, time.perf_counter() - start))
-    elapsed = time.perf_counter() - start
-    rendered, size = [step for step in steps if step.rendered], sum(step.bytes for step in steps)
-    reasons = Counter(step.why for step in rendered)
+            interrupts.check()
+            size += step.bytes
+            reasons.update([step.why] if step.rendered else [])
+            workers |= {step.worker} - {""}
+            if step.profile and options["profile"]:
+                profiles[step.frame] = asdict(step.profile)
+            pace = (time.perf_counter() - start) / max(reasons.total(), 1)
+            fleet = f", {len(workers)} workers" if workers else ""
+            bar.update(task, advance=1, description=f"{job.sequence}  {pace:.2f} s/frame{fleet}")
+    elapsed, rendered = time.perf_counter() - start, reasons.total()
     summary = {
-        "corpus": str(job.out), "sequence": job.sequence, "frames": len(frames), "rendered": len(rendered), "bytes": size,
+        "corpus": str(job.out), "sequence": job.sequence, "frames": len(frames), "rendered": rendered, "bytes": size,
         "seconds": round(elapsed, 3), "channels": [channel.name for channel in job.channels], "why": dict(reasons),
     }  # fmt: skip
-    profiles = {step.frame: asdict(step.profile) for step in rendered if step.profile and options["profile"]}
     if profiles:
         summary["profile"] = profiles
     if not silent:
@@ -230,14 +236,6 @@ def _render_one(job, frames: Sequence[int], *, silent: bool, options: dict) -> d
             print_profile(profiles)
         for why, count in reasons.items():
             out_console.print(f"{count} rendered: {why}", markup=False)
-        kept = len(frames) - len(rendered)
-        line = f"{len(rendered)} frames rendered, {kept} were there; {size / 1e6:.1f} MB in {elapsed:.1f} s"
+        line = f"{rendered} frames rendered, {len(frames) - rendered} were there; {size / 1e6:.1f} MB in {elapsed:.1f} s"
         out_console.print(line, markup=False)
     return summary
-
-
-def _so_far(job, steps: list, elapsed: float) -> str:
-    rendered = sum(step.rendered for step in steps)
-    workers = {step.worker for step in steps if step.worker}
-    fleet = f", {len(workers)} workers" if workers else ""
-    return f"{job.sequence}  {elapsed / max(rendered, 1):.2f} s/frame{fleet}"

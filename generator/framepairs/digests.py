@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 NOT_DRAWN = frozenset({"name", "not_read", "bsdf"})  # fields of a scene's parts; files stand for BSDFs that Mitsuba draws
 
@@ -23,6 +24,8 @@ def _feed(hashed, value: Any) -> None:
     if isinstance(value, np.ndarray):
         hashed.update(f"array {value.dtype} {value.shape};".encode())
         hashed.update(np.ascontiguousarray(value).data)
+    elif isinstance(value, BaseModel):
+        _feed(hashed, value.model_dump(mode="json"))
     elif dataclasses.is_dataclass(value):
         fields = [field.name for field in dataclasses.fields(value) if field.name not in NOT_DRAWN]
         _feed(hashed, {name: getattr(value, name) for name in fields})

@@ -10,33 +10,35 @@ import logging
 import os
 import queue
 import secrets
+import signal
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 from .errors import FramepairsError, InputError, MachineError
 from .job import Job
+from .locking import is_held
+from .manifest import LOCK
 from .orders import Order, job_of
 from .pipeline import Progress, Renderer, render_frames, usable_cores
-from .resume import record_file
 
 LOOPBACK = "127.0.0.1"
 QUIET = logging.CRITICAL  # what goes wrong comes back as an error
-SHARING_S = 60.0  # a network file system may show a new file that late
+LOOK_S = 5.0  # between looks whether there are workers
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fleet:
     """Who renders. scheduler: address, or file that names it; None: `workers` processes of this machine, one per GPU with CUDA,
-    one per core else. tls: certificate authority, certificate and key. insecure: a scheduler elsewhere without TLS is allowed.
-    frames_per_task: None: four tasks per worker, at most 32 frames. retries: of a task that fails. patience_s: for the first
-    worker."""
+    one per core else. tls: certificate authority, certificate and key. insecure: a scheduler elsewhere may speak no TLS.
+    frames_per_task: None: four tasks per worker, at most 32 frames. retries: of a task that fails. patience_s: while there is
+    no worker. sharing_s: until a worker sees the client's lock in the folder: network file systems may be that late."""
 
     scheduler: str | None = None
     workers: int | None = None
@@ -45,14 +47,15 @@ class Fleet:
     frames_per_task: int | None = None
     retries: int = 2
     patience_s: float = 600.0
+    sharing_s: float = 60.0
 
 
 def fleet_renderer(client: Any, order: Order, fleet: Fleet) -> Renderer:
     """Renders with the workers of a client (`connected`). Its generator raises what a worker was refused for, and MachineError
-    where one fails too often or writes files that are not seen here."""
+    where one fails too often or does not see this corpus."""
 
-    def render(job: Job, frames: Sequence[int]) -> Iterator[Progress]:
-        return _rendered(client, order, fleet, job, frames)
+    def render(job: Job, frames: Sequence[int], token: str) -> Iterator[Progress]:
+        return _rendered(client, order, fleet, job, frames, token)
 
     return render
 
@@ -92,7 +95,7 @@ def connected(fleet: Fleet, variant: str) -> Iterator[Any]:
     """
     address = scheduler_address(fleet)
     try:
-        from distributed import Client, Security, SpecCluster
+        from distributed import Client, Security
     except ImportError:
         raise MachineError("dask is not installed: pip install 'framepairs[dask]'") from None
     security = None
@@ -102,8 +105,7 @@ def connected(fleet: Fleet, variant: str) -> Iterator[Any]:
     with ExitStack() as stack:
         try:
             if address is None:
-                cluster = stack.enter_context(SpecCluster(**_own_cluster(fleet, variant), silence_logs=QUIET))
-                address = cluster.scheduler_address
+                address = stack.enter_context(_own_cluster(fleet, variant)).scheduler_address
             patience = min(30, fleet.patience_s)
             client = stack.enter_context(Client(address, security=security, timeout=patience, set_as_default=False))
             client.wait_for_workers(1, timeout=fleet.patience_s)
@@ -114,8 +116,30 @@ def connected(fleet: Fleet, variant: str) -> Iterator[Any]:
         yield client
 
 
-def _own_cluster(fleet: Fleet, variant: str) -> dict[str, Any]:
-    """Scheduler and workers of this machine, on loopback alone: HTTP servers listen everywhere unless they are told."""
+@contextmanager
+def _own_cluster(fleet: Fleet, variant: str) -> Iterator[Any]:
+    """Scheduler and workers of this machine. Ctrl-C is the client's: workers never see it, and end at once when it leaves."""
+    from distributed import SpecCluster
+
+    interrupts_of = {signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, interrupts_of)  # what starts now inherits it
+    try:
+        cluster = SpecCluster(**_specification(fleet, variant), silence_logs=QUIET)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, interrupts_of)
+    with cluster:
+        try:
+            yield cluster
+        except BaseException:
+            for nanny in cluster.workers.values():
+                nanny.auto_restart = False
+                if nanny.pid is not None:
+                    os.kill(nanny.pid, signal.SIGKILL)
+            raise
+
+
+def _specification(fleet: Fleet, variant: str) -> dict[str, Any]:
+    """On loopback alone: HTTP servers listen everywhere unless they are told."""
     from distributed import Nanny, Scheduler
 
     alone = {"host": LOOPBACK, "dashboard": False, "dashboard_address": f"{LOOPBACK}:0"}
@@ -137,22 +161,20 @@ def _gpus() -> list[str]:
     return [file.name.removeprefix("nvidia") for file in sorted(Path("/dev").glob("nvidia[0-9]*"))]
 
 
-def _rendered(client, order: Order, fleet: Fleet, job: Job, frames: Sequence[int]) -> Iterator[Progress]:
+def _rendered(client, order: Order, fleet: Fleet, job: Job, frames: Sequence[int], token: str) -> Iterator[Progress]:
     topic, steps = f"framepairs-{secrets.token_hex(8)}", queue.SimpleQueue()
     workers = max(len(client.scheduler_info()["workers"]), 1)
     size = fleet.frames_per_task or min(32, max(1, len(frames) // (4 * workers)))
     ranges = [list(frames[first : first + size]) for first in range(0, len(frames), size)]
     client.subscribe_topic(topic, lambda event: steps.put(event[1]))
-    futures = [
-        client.submit(_render_range, order, part, topic, pure=False, retries=fleet.retries, key=f"frames-{part[0]}-{topic}")
-        for part in ranges
-    ]
+    submit = partial(client.submit, _render_range, order, pure=False, retries=fleet.retries)
+    futures = [submit(part, token, fleet.sharing_s, topic, key=f"frames-{part[0]}-{topic}") for part in ranges]
     for future in futures:
         future.add_done_callback(steps.put)
-    left, seen, checked = len(futures), set(), False
+    left, seen = len(futures), set()
     try:
         while left:
-            item = steps.get()
+            item = _next(steps, client, fleet)
             finished = [item] if isinstance(item, dict) else _result(item)
             left -= not isinstance(item, dict)
             for values in finished:
@@ -160,15 +182,29 @@ def _rendered(client, order: Order, fleet: Fleet, job: Job, frames: Sequence[int
                 if step.frame in seen:
                     continue  # told twice, or rendered again after its worker was lost
                 seen.add(step.frame)
-                checked = checked or _is_shared(job, step.frame)
                 yield step
     finally:
         client.cancel(futures)
         client.unsubscribe_topic(topic)
 
 
+def _next(steps: queue.SimpleQueue, client, fleet: Fleet) -> Any:
+    """What is told next. Raises MachineError where nobody is there any more to tell it."""
+    alone_since = time.monotonic()
+    while True:
+        try:
+            return steps.get(timeout=LOOK_S)
+        except queue.Empty:
+            if client.scheduler_info()["workers"]:
+                alone_since = time.monotonic()
+            if time.monotonic() - alone_since > fleet.patience_s:
+                raise MachineError(f"no worker has been there for {fleet.patience_s:g} s") from None
+
+
 def _result(future) -> list[dict]:
     """What a task did. Raises what it was refused for, or MachineError."""
+    if future.cancelled():
+        raise MachineError("lost the scheduler")
     error = future.exception()
     if error is None:
         value = future.result()
@@ -178,16 +214,6 @@ def _result(future) -> list[dict]:
     if isinstance(error, FramepairsError):
         raise error
     raise MachineError(f"a worker failed: {type(error).__name__}: {' '.join(str(error).split())[:300]}") from error
-
-
-def _is_shared(job: Job, frame: int) -> bool:
-    file, start = record_file(job, frame), time.monotonic()
-    while not file.is_file():
-        if time.monotonic() - start > SHARING_S:
-            raise MachineError(f"{file}: a worker wrote it, and it is not here: --out must be a folder that all machines share")
-        os.listdir(job.out)  # makes a network file system look again
-        time.sleep(0.2)
-    return True
 
 
 # ---- on a worker ----
@@ -202,16 +228,17 @@ def _renderer() -> ThreadPoolExecutor:
 _last: list[tuple[Order, Job, list]] = []  # order, its job, and its engine, in `_renderer`'s thread
 
 
-def _render_range(order: Order, frames: list[int], topic: str) -> list[dict] | FramepairsError:
+def _render_range(order: Order, frames: list[int], token: str, sharing_s: float, topic: str) -> list[dict] | FramepairsError:
     """Task: the frames of a range, told one by one under `topic`. Bad input comes back as a value, which is not tried again."""
     from distributed import get_worker
 
     worker = get_worker()
 
     def run() -> list[dict]:
+        _see_lock(order.out, token, sharing_s, worker.address)
         job, engines = _prepared(order, worker.state.nthreads)
         told = []
-        for step in render_frames(job, frames, engines=engines, writers=worker.state.nthreads):
+        for step in render_frames(job, frames, token, engines=engines, writers=worker.state.nthreads):
             told.append(vars(replace(step, worker=worker.address, profile=None)))
             worker.log_event(topic, told[-1])
         return told
@@ -220,6 +247,18 @@ def _render_range(order: Order, frames: list[int], topic: str) -> list[dict] | F
         return _renderer().submit(run).result()
     except InputError as error:
         return error
+
+
+def _see_lock(folder: Path, token: str, patience_s: float, worker: str) -> None:
+    """Raises MachineError where the folder is not the one that the client holds, or the client has gone."""
+    start = time.monotonic()
+    while not is_held(folder, token):
+        if (folder / LOCK).is_file() or time.monotonic() - start > patience_s:
+            problem = "the client's lock is not there: it has gone, or --out is not a folder that all machines share"
+            raise MachineError(f"{folder} on {worker}: {problem}")
+        if folder.is_dir():
+            os.listdir(folder)  # makes a network file system look again
+        time.sleep(0.2)
 
 
 def _prepared(order: Order, threads: int) -> tuple[Job, list]:

@@ -12,6 +12,7 @@ from .digests import digest
 from .frame import FrameState
 from .jitter import jitter
 from .job import Job
+from .overlay_elements import is_shown
 from .path_tracing import path_seed
 from .plan import RenderPlan, jitter_length
 
@@ -31,7 +32,8 @@ DECIDING_PACKAGES = ("framepairs", "mitsuba", "drjit", "OpenEXR")
 def frame_parts(job: Job, state: FrameState) -> dict[str, str]:
     """sha256 by part, of everything that all streams of the frame share."""
     named = [item.name for item in job.scene.objects]  # to which elements of an overlay may cling
-    overlay = None if job.overlay_sha256 is None else (job.overlay_sha256, state.exposure_ev, named)
+    shown = [is_shown(element, state.time_s) for element in (job.overlay.elements if job.overlay else ())]
+    overlay = None if job.overlay is None else (job.overlay_content, state.exposure_ev, shown, named)
     parts = {
         "versions": {name: version for name, version in versions().items() if name in DECIDING_PACKAGES},
         "backend": job.variant,
@@ -46,10 +48,10 @@ def frame_parts(job: Job, state: FrameState) -> dict[str, str]:
     return {"scene": job.scene_content} | {name: digest(value) for name, value in parts.items()}
 
 
-def stream_part(job: Job, state: FrameState, stream: Stream) -> str:
-    """sha256 of what one stream of the frame has for itself: its size, samples, bias and jitter; with `path`, its seed."""
-    offset = jitter(state.frame, jitter_length(job.plan, stream.scale)) if stream.jittered else (0.0, 0.0)
-    seed = path_seed(job.seed, state.frame, stream) if job.plan.shading == "path" else None
+def stream_part(job: Job, frame: int, stream: Stream) -> str:
+    """sha256 of what one stream of a frame has for itself: its size, samples, bias and jitter; with `path`, its seed."""
+    offset = jitter(frame, jitter_length(job.plan, stream.scale)) if stream.jittered else (0.0, 0.0)
+    seed = path_seed(job.seed, frame, stream) if job.plan.shading == "path" else None
     return digest((stream, offset, seed))
 
 

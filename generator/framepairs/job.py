@@ -2,45 +2,36 @@
 
 import hashlib
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from .backend import mi, versions
-from .brdf_tables import brdf_table, table_channel
 from .camera_path import CameraPath
 from .channels import Channel, channels_with
-from .conventions import CONVENTIONS, Stream
+from .conventions import Stream
 from .digests import digest
-from .errors import InputError
-from .exr import encode
 from .frame import Shoot
 from .manifest import (
-    LOCK,
     Constant,
-    CorpusManifest,
     SequenceRecord,
-    TableRecord,
     frame_key,
-    from_json,
-    to_json,
-    write_atomically,
 )
+from .mesh_lights import at_their_brightest
 from .overlay_elements import Overlay
-from .plan import STREAM_KEYS, RenderPlan, brdf_model, jitter_length, plan_streams
+from .plan import STREAM_KEYS, RenderPlan, plan_streams
 from .scene import files_hash, scene_hash
 from .scene.description import SceneDescription
-from .scene.needs import Need, channel_needs, equal_streams, table_need
+from .scene.needs import Need, channel_needs, equal_streams
 
 EVERYWHERE = ("motion", "visibility")  # channels whose constant holds in the background too
-# What makes a sequence another one. All else about it may change: then its frames are compared part by part.
-NAMING = ("scene", "environment", "camera_path_name", "animation_clip", "overlay", "variation", "split")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
     """One sequence to render. scene must be lit (`light_scene`); the names are what the manifest says. variant: of Mitsuba,
-    that renders; where workers do, it need not be this process's."""
+    that renders; where workers do, it need not be this process's. scene_sha256, overlay_sha256: of the files as they were read;
+    by default as they are now."""
 
     scene: SceneDescription
     scene_name: str
@@ -56,6 +47,14 @@ class Job:
     camera_scene: SceneDescription | None = None
     split: str = "train"
     variant: str = field(default_factory=lambda: mi.variant())
+    scene_sha256: str = ""
+    overlay_sha256: str | None = None
+
+    def __post_init__(self):
+        if not self.scene_sha256:
+            object.__setattr__(self, "scene_sha256", scene_hash(self.scene))
+        if self.overlay is not None and self.overlay_sha256 is None:
+            object.__setattr__(self, "overlay_sha256", files_hash(self.overlay.files))
 
     @cached_property
     def shoot(self) -> Shoot:
@@ -100,20 +99,19 @@ class Job:
         return tuple(channel for channel in self.table if channel.name in chosen)
 
     @cached_property
-    def overlay_sha256(self) -> str | None:
-        return files_hash(self.overlay.files) if self.overlay is not None else None
-
-    @cached_property
-    def scene_sha256(self) -> str:
-        return scene_hash(self.scene)
-
-    @cached_property
     def scene_content(self) -> str:
         """sha256 of what the scene is at all times: meshes, textures, materials, sky, and what lights are chosen by."""
-        scene = self.scene
-        kept = self.scene_sha256 if any(material.bsdf is not None for material in scene.materials) else None
+        scene, kept = self.scene, [material.bsdf for material in self.scene.materials if material.bsdf is not None]
+        if kept and scene.files:
+            kept = self.scene_sha256  # they may name images
         still = (scene.meshes, scene.textures, scene.materials, scene.objects, scene.environment, kept)
-        return digest((still, scene.metres_per_unit, scene.squared_diagonal))
+        return digest((still, scene.metres_per_unit, scene.squared_diagonal, at_their_brightest(scene)))
+
+    @cached_property
+    def overlay_content(self) -> str | None:
+        """sha256 of the overlay's elements and pictures, letters drawn."""
+        overlay = self.overlay
+        return None if overlay is None else digest((overlay.elements, overlay.picture, overlay.pictures))
 
     @cached_property
     def seed(self) -> int:
@@ -135,92 +133,17 @@ class Job:
             "backend": self.variant,
         }
 
+    @cached_property
+    def _sources_key(self) -> str:
+        return frame_key(self.sources)
+
     def inputs(self, frame: int) -> str | None:
-        """sha256 of `sources` and the frame: where it is a record's, nothing that decides the frame has changed. None for a
+        """sha256 of `sources` and the frame: where it is a record's, nothing that all its streams share has changed. None for a
         scene without files, about which it would say nothing."""
-        return frame_key({**self.sources, "frame": frame}) if self.scene.files else None
+        return frame_key({"sources": self._sources_key, "frame": frame}) if self.scene.files else None
 
 
-@dataclass(frozen=True)
-class Opened:
-    """A corpus on the way to a new manifest. changes: whether what lies there may have been made from something else."""
-
-    manifest: CorpusManifest
-    table: bytes | None
-    changes: bool
-
-
-def open_corpus(job: Job, *, add_streams: bool = False, update: bool = False) -> Opened:
-    """What corpus.json will be with the job's sequence in it. Nothing is written.
-
-    Raises InputError for a corpus of another plan; with `add_streams`, scales and variants may grow, and with `update` the
-    plan of a corpus without other sequences may change. Also for a sequence of that name that is another scene's or path's.
-    """
-    file = job.out / "corpus.json"
-    existing: CorpusManifest | None = None
-    if file.is_file():
-        existing = from_json(CorpusManifest, file)
-        others = [name for name in existing.sequences if name != job.sequence]
-        if not (update and not others):
-            _refuse_other_plan(existing.plan, job.plan, file, add_streams, others if update else None)
-    elif job.out.is_dir() and any(name.name != LOCK for name in job.out.iterdir()):
-        raise InputError("is not empty and holds no corpus.json: choose another folder with --out", file=job.out)
-    sequences = dict(existing.sequences) if existing else {}
-    known, entry = sequences.get(job.sequence), _sequence_record(job)
-    if known is not None:
-        _refuse_other_sequence(known, entry, job.sequence, file)
-    table, data = _table(job) if table_need(job.scene, job.plan).needed else (None, None)
-    manifest = CorpusManifest(
-        plan=job.plan,
-        backend=job.variant,
-        versions=versions(),
-        conventions=CONVENTIONS,
-        channels=[_channel_row(channel) for channel in job.table],
-        streams=[_stream_row(job.plan, stream) for stream in plan_streams(job.plan)],
-        brdf_table=table or (existing.brdf_table if existing else None),
-        sequences={**sequences, job.sequence: entry},
-    )
-    changes = known is not None and (not job.scene.files or to_json(manifest) != file.read_bytes())
-    return Opened(manifest, data, changes)
-
-
-def write_manifest(job: Job, opened: Opened) -> None:
-    """Write corpus.json and the table, and clear away what a killed render left. Raises MachineError."""
-    for left_over in (job.out / job.sequence).rglob(".*.part"):
-        left_over.unlink(missing_ok=True)
-    write_atomically(job.out / "corpus.json", to_json(opened.manifest))
-    if opened.table is not None:
-        write_atomically(job.out / opened.manifest.brdf_table.path, opened.table)
-
-
-def _refuse_other_sequence(known: SequenceRecord, entry: SequenceRecord, name: str, file: Path) -> None:
-    for key in NAMING:
-        old, new = getattr(known, key), getattr(entry, key)
-        both_its_own = key == "environment" and {old, new} == {None, "default"}  # a scene may gain its first light
-        if old != new and not both_its_own:
-            raise InputError(f"sequence {name} is there with another {key}", file=file, field=key)
-
-
-def _refuse_other_plan(
-    existing: RenderPlan, wanted: RenderPlan, file: Path, add_streams: bool, others: list[str] | None
-) -> None:
-    for key in RenderPlan.model_fields:
-        old, new = getattr(existing, key), getattr(wanted, key)
-        extends = add_streams and key in ("scales", "variants") and new[: len(old)] == old
-        if old != new and not extends:
-            way = f"; sequence {others[0]} has it, too" if others else "; --update renders again what it decides"
-            raise InputError(f"the corpus has {key} = {old}, not {new}{way}", file=file, field=f"plan.{key}")
-
-
-def _table(job: Job) -> tuple[TableRecord, bytes]:
-    model = brdf_model(job.plan)
-    channel = table_channel(model)
-    encoded = encode(channel, brdf_table(model, job.plan.brdf_table).numpy(), attributes={})
-    path = f"tables/brdf_{model.visibility}.exr"
-    return TableRecord(model=model.visibility, path=path, sha256=encoded.sha256, axes=channel.meaning), encoded.data
-
-
-def _sequence_record(job: Job) -> SequenceRecord:
+def sequence_record(job: Job) -> SequenceRecord:
     written = {channel.name for channel in job.channels}
     constants = {
         name: Constant(
@@ -267,21 +190,3 @@ def _can_be_filled(job: Job, need: Need, written: set[str]) -> bool:
     if need.same_as:
         return need.same_as in written or not job.needs[need.same_as].needed
     return need.channel in EVERYWHERE or not any(need.constant) or "object_id" in written
-
-
-def _channel_row(channel: Channel) -> dict:
-    row = asdict(channel)
-    if channel.background is not None:
-        row["background"] = ["inf" if value == float("inf") else float(value) for value in channel.background]
-    return row
-
-
-def _stream_row(plan: RenderPlan, stream: Stream) -> dict:
-    length = jitter_length(plan, stream.scale) if stream.jittered else None
-    sequence = "Halton(2, 3) from index 1, minus 0.5" if stream.jittered else None
-    return {
-        **asdict(stream),
-        "effective_scale": list(stream.effective_scale(plan.display)),
-        "jitter_length": length,
-        "jitter_sequence": sequence,
-    }

@@ -191,6 +191,8 @@ def write_atomically(file: Path, data: bytes, sync: bool = True) -> None:
             if sync:
                 os.fsync(stream.fileno())
         os.replace(temporary, file)
+        if sync:
+            _sync(file.parent)
     except OSError as error:
         raise MachineError(f"{file}: cannot be written: {error.strerror}") from None
     finally:
@@ -198,17 +200,22 @@ def write_atomically(file: Path, data: bytes, sync: bool = True) -> None:
 
 
 def sync_files(files: Iterable[Path]) -> None:
-    """Files that were written without `sync` are on the disk. Together they cost little more than one: file systems commit
-    what is waiting at once. Raises MachineError naming the file."""
-    for file in files:
+    """Files that were written without `sync` are on the disk, under their names. Together they cost little more than one: file
+    systems commit what is waiting at once. Raises MachineError naming the file."""
+    files = list(files)
+    for file in (*files, *sorted({file.parent for file in files})):
         try:
-            descriptor = os.open(file, os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
+            _sync(file)
         except OSError as error:
             raise MachineError(f"{file}: cannot be written: {error.strerror}") from None
+
+
+def _sync(file: Path) -> None:
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def make_folder(folder: Path) -> None:
@@ -224,22 +231,16 @@ def make_folder(folder: Path) -> None:
 
 def rebuild_sequence_index(folder: Path) -> SequenceIndex:
     """Write sequence.json anew from the frame records of a sequence's folder."""
-    records = []
+    entries, streams, size = [], None, 0
     for file in (folder / "frames").glob("*.json"):
         try:
-            records.append(from_json(FrameRecord, file))
+            record = from_json(FrameRecord, file)
         except InputError:
             continue  # a damaged record is a frame that is not whole; rendering it writes it anew
-    records.sort(key=lambda record: record.frame)
-    streams = [set(record.streams) for record in records]
-    index = SequenceIndex(
-        sequence=folder.name,
-        frames=[
-            FrameEntry(frame=record.frame, time_s=record.time_s, reset=record.reset, key=record.key)
-            for record in records
-        ],
-        streams=sorted(set.intersection(*streams)) if streams else [],
-        bytes=sum(file.size for record in records for file in record.files),
-    )
+        entries.append(FrameEntry(frame=record.frame, time_s=record.time_s, reset=record.reset, key=record.key))
+        streams = {*record.streams} if streams is None else streams & {*record.streams}
+        size += sum(item.size for item in record.files)
+    entries.sort(key=lambda entry: entry.frame)
+    index = SequenceIndex(sequence=folder.name, frames=entries, streams=sorted(streams or ()), bytes=size)
     write_atomically(folder / "sequence.json", to_json(index))
     return index

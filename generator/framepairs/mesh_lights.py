@@ -41,7 +41,7 @@ class MeshLights:
 
 def build_mesh_lights(scene: SceneDescription, wanted: bool) -> MeshLights:
     """All emissive objects whose triangles have an area; those alone whose material `shines` where not `wanted`."""
-    materials = _at_their_brightest(scene)
+    materials = at_their_brightest(scene)
     emissive = [
         index
         for index, item in enumerate(scene.objects)
@@ -167,7 +167,7 @@ def _area_vectors(scene: SceneDescription, mesh: int) -> NDArray[np.float64]:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
-def _at_their_brightest(scene: SceneDescription) -> tuple[Material, ...]:
+def at_their_brightest(scene: SceneDescription) -> tuple[Material, ...]:
     """The materials, those that change with the brightest emission of the times that are looked at."""
     if scene.materials_at is None:
         return scene.materials

@@ -37,15 +37,15 @@ NAMES = ("scene_name", "path_name", "environment", "overlay_name", "split", "var
 def order_of(job: Job, allow_outside: bool = False) -> Order:
     """The order of a job that was made from files. allow_outside: whether its scene may name files outside its folder."""
     return Order(
-        scene_file=None if job.scene_name in scene_names() else job.scene.files[0].resolve(),
-        environment_file=None if job.environment in (None, "default") else Path(job.environment).resolve(),
-        overlay_file="none" if job.overlay is None else job.overlay.files[0].resolve(),
+        scene_file=None if job.scene_name in scene_names() else job.scene.files[0].absolute(),
+        environment_file=None if job.environment in (None, "default") else Path(job.environment).absolute(),
+        overlay_file="none" if job.overlay is None else job.overlay.files[0].absolute(),
         allow_outside=allow_outside,
         plan=job.plan,
         path=job.path,
         clip=job.clip,
         variation=job.variation,
-        out=job.out.resolve(),
+        out=job.out.absolute(),
         names={name: getattr(job, name) for name in NAMES},
         sources=job.sources,
     )

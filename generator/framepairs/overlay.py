@@ -14,7 +14,7 @@ from .backend import dr, mi, opaque
 from .conventions import Stream
 from .frame import FrameState
 from .jitter import antialiasing_positions
-from .overlay_elements import Element, Overlay, anchored_objects
+from .overlay_elements import Element, Overlay, anchored_objects, is_shown
 from .overlay_text import Picture
 from .scene.description import SceneDescription, Texture
 from .textures import TextureTable, build_textures, sample_texture
@@ -22,7 +22,6 @@ from .textures import TextureTable, build_textures, sample_texture
 CELLS = 64  # per axis: which elements a part of the frame sees
 SLACK = 1e-5  # fractions of the frame by which an element's cells reach further than its rectangle, for rounding
 FARTHEST = 1e30  # fractions of the frame at which an element ends: a float32 whose sums are finite
-SLACK_S = 1e-9  # seconds by which a frame's time i / fps may miss a decimal one
 
 Rectangle = tuple[float, float, float, float]
 
@@ -78,8 +77,7 @@ def place_of(element: Element, picture: Picture, thing: int, frame: FrameState) 
 
     thing: the object that it hangs at. Not drawn is what hangs before the near plane, at a hidden object, or at another time.
     """
-    begins = element.from_s is None or frame.time_s >= element.from_s - SLACK_S
-    if not begins or (element.to_s is not None and frame.time_s >= element.to_s - SLACK_S):
+    if not is_shown(element, frame.time_s):
         return None
     camera = frame.camera
     x, y, per_unit = *(element.screen or (0.0, 0.0)), 1.0

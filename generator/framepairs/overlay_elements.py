@@ -24,6 +24,7 @@ from .scene.images import linear_texels, read_image
 MOST_TEXELS = 2**25  # of all pictures of a file: 256 MiB
 FINE_LINES = 2880.0  # texts are drawn at the size that frames of so many lines would need,
 LEAST_FONT, MOST_FONT = 64, 512  # in texels, within these,
+SLACK_S = 1e-9  # seconds by which a frame's time i / fps may miss a decimal one
 WORLD_FONT = 192  # and at this one where the height in the frame changes
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -152,6 +153,12 @@ def make_overlay(values: object, *, file: Path, allow_outside: bool = False) -> 
                 raise InputError(problem, file=file, field=field)
         picture.append(drawn[key])
     return Overlay(elements=elements, picture=tuple(picture), pictures=tuple(pictures), files=tuple(files))
+
+
+def is_shown(element: Element, time_s: float) -> bool:
+    """Whether the element is drawn at a time of the path."""
+    begins = element.from_s is None or time_s >= element.from_s - SLACK_S
+    return begins and (element.to_s is None or time_s < element.to_s - SLACK_S)
 
 
 def anchored_objects(overlay: Overlay, scene: SceneDescription) -> tuple[int, ...]:

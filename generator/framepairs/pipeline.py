@@ -19,9 +19,9 @@ from .errors import MachineError
 from .exr import encode
 from .frame import FrameState, check_frames
 from .frame_parts import stream_part
-from .job import Job, open_corpus, write_manifest
+from .job import Job
 from .launched import StreamFrame, fetch
-from .locking import corpus_lock
+from .locking import corpus_lock, is_held
 from .manifest import (
     CameraRecord,
     FileRecord,
@@ -33,6 +33,7 @@ from .manifest import (
     to_json,
     write_atomically,
 )
+from .opening import open_corpus, write_manifest
 from .resume import Wanted, drop_outdated, record_file, stream_files, wanted_of
 
 FLOAT_COLORS = frozenset({"color", "emission", "brdf"})
@@ -66,7 +67,8 @@ class Progress:
     worker: str = ""
 
 
-Renderer = Callable[[Job, Sequence[int]], Iterator[Progress]]
+# Who renders: gets the job, the frames, and the token of the lock in whose name files are written.
+Renderer = Callable[[Job, Sequence[int], str], Iterator[Progress]]
 
 
 @dataclass(frozen=True)
@@ -120,15 +122,18 @@ def render_sequence(
     folder = job.out / job.sequence
     # What cannot be drawn is refused before anything is written.
     engine = Engine(job.scene, job.plan, job.overlay) if renderer is None and not folder.is_dir() else None
-    with corpus_lock(job.out) as lost:
+    with corpus_lock(job.out) as hold:
         opened = open_corpus(job, add_streams=add_streams, update=update)
         outdated = drop_outdated(job, frames) if opened.changes else {}
         write_manifest(job, opened)
         engines = [] if engine is None else [engine]
-        steps = render_frames(job, frames, engines=engines, profile=profile) if renderer is None else renderer(job, frames)
+        if renderer is None:
+            steps = render_frames(job, frames, hold.token, engines=engines, profile=profile)
+        else:
+            steps = renderer(job, frames, hold.token)
         for step in steps:
-            if lost.is_set():
-                raise MachineError(f"{job.out}: another process took over this corpus while we wrote into it")
+            if hold.lost.is_set():
+                raise MachineError(f"{job.out}: the lock of this corpus was lost while we wrote into it")
             yield replace(step, why=outdated.get(step.frame, step.why))
         rebuild_sequence_index(folder)
     dr.flush_malloc_cache()
@@ -137,14 +142,17 @@ def render_sequence(
 def render_frames(
     job: Job,
     frames: Sequence[int],
+    token: str,
     *,
     engines: list[Engine] | None = None,
     profile: bool = False,
     writers: int | None = None,
 ) -> Iterator[Progress]:
-    """Render what `frames` lack into an opened corpus; the caller holds its lock. writers: threads that encode and write.
+    """Render what `frames` lack into an opened corpus that `token` holds the lock of. writers: threads that encode and write.
 
-    engines: of this job, one or none; an engine that is made is left there for the next call."""
+    engines: of this job, one or none; an engine that is made is left there for the next call. Raises MachineError where the
+    lock is another's: whoever ordered these frames has gone.
+    """
     engines = [] if engines is None else engines
     with ThreadPoolExecutor(1) as closer, ThreadPoolExecutor(writers or max(2, usable_cores())) as pool:
         waiting: list[Future[Progress]] = []
@@ -156,13 +164,13 @@ def render_frames(
                 yield from (waiting.pop(0).result() for _ in waiting[:])
                 yield Progress(frame=frame, rendered=False, bytes=0)
                 continue
-            waiting.append(closer.submit(_close, _render(engines, pool, wanted, profile)))
+            waiting.append(closer.submit(_close, _render(engines, pool, wanted, token, profile), token))
             if len(waiting) > 1:  # one frame is being written while the next is rendered
                 yield waiting.pop(0).result()
         yield from (item.result() for item in waiting)
 
 
-def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, profile: bool) -> _Pending:
+def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, token: str, profile: bool) -> _Pending:
     """Render the streams that a frame lacks, and hand their arrays to the threads that encode and write."""
     if not wanted.streams:
         return _Pending(wanted, [], [], None)
@@ -177,11 +185,11 @@ def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, pro
             kernels = [entry for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT]
             compiled = sum(not entry["cache_hit"] for entry in kernels)
             costs = replace(costs, launches=len(kernels), compiled=compiled)
-    write = partial(pool.submit, _write_channel, job, wanted.frame)
+    write = partial(pool.submit, _write_channel, job, token, wanted.frame)
     return _Pending(wanted, streams, [[write(stream, channel) for channel in job.channels] for stream in streams], costs)
 
 
-def _write_channel(job: Job, frame: int, rendered: StreamFrame, channel: Channel) -> _Written:
+def _write_channel(job: Job, token: str, frame: int, rendered: StreamFrame, channel: Channel) -> _Written:
     start = time.perf_counter()
     relative = f"{rendered.stream.name}/{channel.name}/{frame_name(frame)}.exr"
     attributes = {
@@ -193,12 +201,18 @@ def _write_channel(job: Job, frame: int, rendered: StreamFrame, channel: Channel
     array = rendered.arrays.pop(channel.name)
     encoded = encode(channel, array, attributes=attributes, dtype="float" if as_float else None)
     middle = time.perf_counter()
+    _check_held(job, token)
     write_atomically(job.out / job.sequence / relative, encoded.data, sync=False)
     file = FileRecord(path=relative, sha256=encoded.sha256, size=len(encoded.data))
     return _Written(file, encoded.saturated, middle - start, time.perf_counter() - middle)
 
 
-def _close(pending: _Pending) -> Progress:
+def _check_held(job: Job, token: str) -> None:
+    if not is_held(job.out, token):
+        raise MachineError(f"{job.out}: whoever ordered these frames holds the lock of this corpus no more")
+
+
+def _close(pending: _Pending, token: str) -> Progress:
     """Wait for the frame's files and make them last, then write its record."""
     wanted, folder = pending.wanted, pending.wanted.job.out / pending.wanted.job.sequence
     job, state, record = wanted.job, wanted.state, wanted.record
@@ -221,6 +235,7 @@ def _close(pending: _Pending) -> Progress:
         inputs=job.inputs(wanted.frame),
         key=frame_key(wanted.parts),
     )
+    _check_held(job, token)
     write_atomically(record_file(job, wanted.frame), to_json(new))
     for surplus in {item.path for item in before} - {item.path for item in new.files}:
         (folder / surplus).unlink(missing_ok=True)  # of channels and streams that there are no more
@@ -242,7 +257,7 @@ def _stream_record(job: Job, state: FrameState, rendered: StreamFrame, written: 
         saturated=sum(item.saturated for item in written),
         fireflies=rendered.fireflies,
         rejected_paths=rendered.rejected_paths,
-        part=stream_part(job, state, stream),
+        part=stream_part(job, state.frame, stream),
     )
 
 

@@ -56,8 +56,12 @@ def wanted_of(job: Job, frame: int) -> Wanted:
     for stream in job.streams:
         if not whole.issuperset(stream_files(job, stream, frame)):
             why[stream.name] = MISSING if stream.name in record.streams else f"{stream.name} {NEW}"
-    missing = tuple(stream for stream in job.streams if stream.name in why)
-    as_before = Wanted(job, frame, missing, record, (), _joined(why.values()), not missing)
+    there = [stream for stream in job.streams if stream.name in record.streams]
+    others = tuple(s.name for s in there if stream_part(job, frame, s) != record.streams[s.name].part)
+    why |= {name: f"{name} changed" for name in others}
+    streams = tuple(stream for stream in job.streams if stream.name in why)
+    lists = {path for stream in job.streams for path in stream_files(job, stream, frame)} == {f.path for f in record.files}
+    as_before = Wanted(job, frame, streams, record, others, _joined(why.values()), not streams and lists)
     if record.inputs is not None and record.inputs == job.inputs(frame):
         return as_before
     parts = as_before.parts
@@ -65,11 +69,7 @@ def wanted_of(job: Job, frame: int) -> Wanted:
     if changed:
         reason = _joined(f"{name} changed" for name in changed)
         return replace(as_before, streams=job.streams, outdated=tuple(record.streams), why=reason, as_recorded=False)
-    state, there = as_before.state, [stream for stream in job.streams if stream.name in record.streams]
-    others = [s.name for s in there if stream_part(job, state, s) != record.streams[s.name].part]
-    why |= {name: f"{name} changed" for name in others}
-    streams = tuple(stream for stream in job.streams if stream.name in why)
-    return replace(as_before, streams=streams, outdated=tuple(others), why=_joined(why.values()), as_recorded=False)
+    return replace(as_before, as_recorded=False)
 
 
 def drop_outdated(job: Job, frames: Sequence[int]) -> dict[int, str]:
@@ -79,18 +79,31 @@ def drop_outdated(job: Job, frames: Sequence[int]) -> dict[int, str]:
     """
     folder, asked = job.out / job.sequence, {*frames}
     numbers = sorted(int(file.stem) for file in (folder / "frames").glob("*.json") if file.stem.isdecimal())
-    found = [wanted_of(job, number) for number in numbers if number < len(job.shoot)]
-    outdated = [wanted for wanted in found if wanted.outdated]
-    beyond = [wanted for wanted in outdated if wanted.frame not in asked]
+    outdated = {}
+    for number in numbers:
+        wanted = wanted_of(job, number) if number < len(job.shoot) else None
+        if wanted is not None and wanted.outdated:
+            outdated[number] = wanted.why
+    beyond = [number for number in outdated if number not in asked]
     if beyond:
-        problem = f"{beyond[0].why} since it was rendered; ask for all {len(beyond)} such frames, or for another folder"
-        raise InputError(problem, file=folder, frame=beyond[0].frame, field="frames")
-    for wanted in outdated:
+        problem = f"{outdated[beyond[0]]} since it was rendered; ask for all {len(beyond)} such frames, or for another folder"
+        raise InputError(problem, file=folder, frame=beyond[0], field="frames")
+    for number in outdated:
+        wanted = wanted_of(job, number)
         _drop_streams(folder, wanted.record, wanted.outdated)
     for number in numbers:
         if number >= len(job.shoot) and (record := _record(job, number)[0]) is not None:
             _drop_streams(folder, record, tuple(record.streams))
-    return {wanted.frame: wanted.why for wanted in outdated}
+    _sweep(folder)
+    return outdated
+
+
+def _sweep(folder: Path) -> None:
+    """Removes the images of frames that have no record: a render that was killed left them."""
+    whole = {file.stem for file in (folder / "frames").glob("*.json")}
+    for image in folder.glob("*/*/*.exr"):
+        if image.stem not in whole:
+            image.unlink(missing_ok=True)
 
 
 def _drop_streams(folder: Path, record: FrameRecord, names: tuple[str, ...]) -> None:

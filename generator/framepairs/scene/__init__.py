@@ -136,7 +136,10 @@ def files_hash(files: tuple[Path, ...]) -> str:
     folder = files[0].resolve().parent if files else Path()
     for file in sorted(files, key=lambda item: _relative(item, folder)):
         digest.update(_relative(file, folder).encode() + b"\0")
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        try:
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}", file=file) from None
     return digest.hexdigest()
 
 
