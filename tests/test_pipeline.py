@@ -188,6 +188,14 @@ def test_what_a_killed_render_left_is_cleared_away(reference, tmp_path):
     assert contents(out) == contents(reference)
 
 
+def test_a_render_that_was_killed_before_its_first_file_is_no_stranger(reference, tmp_path):
+    out = tmp_path / "corpus"
+    out.mkdir()
+    (out / ".corpus.json.0123abcd.part").write_bytes(b"half")
+    render(out)
+    assert contents(out) == contents(reference)
+
+
 def test_a_damaged_record_elsewhere_does_not_stop_a_render(tmp_path):
     out = render(tmp_path / "corpus", range(2))
     (out / "two_quads_slide/frames/000000.json").write_text("{")

@@ -43,10 +43,11 @@ def files(tmp_path_factory) -> Path:
     return folder
 
 
-def started(files: Path, out: Path, *arguments) -> subprocess.Popen:
+def started(files: Path, out: Path, *arguments, own_group: bool = False) -> subprocess.Popen:
     command = [sys.executable, "-m", "framepairs.cli", "render", str(files / "quad.obj")]
     command += ["--camera", str(files / "flight.json"), *SLOW, "--out", str(out), "--json", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, **pipes, text=True, start_new_session=own_group)
 
 
 def finished(files: Path, out: Path, *arguments) -> dict:
@@ -103,6 +104,24 @@ def test_an_interrupt_is_one_line_exit_130_and_goes_on(files, reference, tmp_pat
     assert not (out / ".lock").exists() and not list(out.rglob("*.part"))
     again = finished(files, out)
     assert 0 < again["rendered"] <= FRAMES - 3
+    assert contents(out) == reference
+
+
+def test_an_interrupt_of_a_fleet_ends_its_workers(files, reference, tmp_path):
+    """Ctrl-C reaches all processes of a terminal; workers do not mind, and end with their client."""
+    import psutil
+
+    out = tmp_path / "corpus"
+    child = started(files, out, "--engine", "dask", "--workers", 2, own_group=True)
+    wait_for_frames(child, out, 2)
+    workers = psutil.Process(child.pid).children(recursive=True)
+    assert len(workers) >= 2
+    os.killpg(child.pid, signal.SIGINT)
+    errors = child.communicate(timeout=30)[1]
+    assert child.returncode == 130
+    assert [line for line in errors.splitlines() if line.strip()] == ["framepairs: interrupted; type the same command again"]
+    assert not psutil.wait_procs(workers, timeout=10)[1] and not (out / ".lock").exists()
+    assert 0 < finished(files, out)["rendered"] < FRAMES
     assert contents(out) == reference
 
 

@@ -172,12 +172,11 @@ def render_frames(
 
 def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, token: str, profile: bool) -> _Pending:
     """Render the streams that a frame lacks, and hand their arrays to the threads that encode and write."""
+    job, start = wanted.job, time.perf_counter()
+    names, state = frozenset(channel.name for channel in job.channels), wanted.state  # here: `Shoot` is for one thread
     if not wanted.streams:
         return _Pending(wanted, [], [], None)
-    job, start = wanted.job, time.perf_counter()
-    names = frozenset(channel.name for channel in job.channels)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, profile):
-        state = wanted.state
         middle = time.perf_counter()
         streams = fetch(engines[0].launch(state, wanted.streams, names, job.seed))
         costs = FrameProfile(state=middle - start, render=time.perf_counter() - middle)
