@@ -123,6 +123,15 @@ def opaque(kind, values):
     return kind(*(opaque(value_t(kind), float(value)) for value in values))
 
 
+def release_memory() -> None:
+    """Give back what is free: glibc keeps half a gigabyte after the market was read and uploaded, for each worker."""
+    import ctypes
+
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
 def versions() -> dict[str, str]:
     """Versions of what decides pixels and files."""
     return {name: version(name) for name in ("framepairs", "mitsuba", "drjit", "OpenEXR", "usd-core", "trimesh", "pillow")}

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
-from .backend import dr
+from .backend import dr, release_memory
 from .channels import Channel
 from .conventions import CONVENTIONS, frame_name
 from .engine import Engine
@@ -121,7 +121,7 @@ def render_sequence(
     check_frames(frames, len(job.shoot))
     folder = job.out / job.sequence
     # What cannot be drawn is refused before anything is written.
-    engine = Engine(job.scene, job.plan, job.overlay) if renderer is None and not folder.is_dir() else None
+    engine = _engine(job) if renderer is None and not folder.is_dir() else None
     with corpus_lock(job.out) as hold:
         opened = open_corpus(job, add_streams=add_streams, update=update)
         outdated = drop_outdated(job, frames) if opened.changes else {}
@@ -159,7 +159,7 @@ def render_frames(
         for frame in frames:
             wanted = wanted_of(job, frame)
             if wanted.streams and not engines:
-                engines.append(Engine(job.scene, job.plan, job.overlay))
+                engines.append(_engine(job))
             if wanted.as_recorded:
                 yield from (waiting.pop(0).result() for _ in waiting[:])
                 yield Progress(frame=frame, rendered=False, bytes=0)
@@ -168,6 +168,12 @@ def render_frames(
             if len(waiting) > 1:  # one frame is being written while the next is rendered
                 yield waiting.pop(0).result()
         yield from (item.result() for item in waiting)
+
+
+def _engine(job: Job) -> Engine:
+    engine = Engine(job.scene, job.plan, job.overlay)
+    release_memory()  # of what it was built from
+    return engine
 
 
 def _render(engines: list[Engine], pool: ThreadPoolExecutor, wanted: Wanted, token: str, profile: bool) -> _Pending:
