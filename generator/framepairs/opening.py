@@ -65,14 +65,22 @@ def open_corpus(job: Job, *, add_streams: bool = False, update: bool = False) ->
 def write_manifest(job: Job, opened: Opened) -> None:
     """Write corpus.json and the table, and clear away what a killed render left. Raises MachineError."""
     tables = job.out / "tables"
-    for left_over in (*job.out.glob(".*.part"), *tables.glob(".*.part"), *(job.out / job.sequence).rglob(".*.part")):
-        left_over.unlink(missing_ok=True)
+    clear_left_overs(job)
     write_atomically(job.out / "corpus.json", to_json(opened.manifest))
     if opened.table is not None:
         file = job.out / opened.manifest.brdf_table.path
         write_atomically(file, opened.table)
         for other in {*tables.glob("brdf_*.exr")} - {file}:
             other.unlink()
+
+
+def clear_left_overs(job: Job) -> None:
+    """Removes files under temporary names, of processes that were killed while they wrote. The caller holds the lock."""
+    for folder in (job.out, job.out / "tables"):
+        for file in folder.glob(".*.part"):
+            file.unlink(missing_ok=True)
+    for file in (job.out / job.sequence).rglob(".*.part"):
+        file.unlink(missing_ok=True)
 
 
 def _refuse_other_sequence(known: SequenceRecord, entry: SequenceRecord, name: str, file: Path) -> None:

@@ -33,7 +33,7 @@ from .manifest import (
     to_json,
     write_atomically,
 )
-from .opening import open_corpus, write_manifest
+from .opening import clear_left_overs, open_corpus, write_manifest
 from .resume import Wanted, drop_outdated, record_file, stream_files, wanted_of
 
 FLOAT_COLORS = frozenset({"color", "emission", "brdf"})
@@ -135,6 +135,8 @@ def render_sequence(
             if hold.lost.is_set():
                 raise MachineError(f"{job.out}: the lock of this corpus was lost while we wrote into it")
             yield replace(step, why=outdated.get(step.frame, step.why))
+        if renderer is not None:
+            clear_left_overs(job)  # of a worker that was lost
         rebuild_sequence_index(folder)
     dr.flush_malloc_cache()
 
