@@ -20,7 +20,7 @@ from framepairs.orders import job_of, order_of
 from framepairs.pipeline import render_sequence
 from framepairs.plan import make_plan
 from test_pipeline import contents
-from test_unbreakable import MTL, OBJ, flight
+from test_unbreakable import write_scene
 
 FRAMES = 24
 VARIANT = "llvm_ad_rgb"
@@ -28,14 +28,7 @@ VARIANT = "llvm_ad_rgb"
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
-    from PIL import Image
-
-    folder = tmp_path_factory.mktemp("files")
-    (folder / "quad.obj").write_text(OBJ)
-    (folder / "quad.mtl").write_text(MTL)
-    (folder / "flight.json").write_text(json.dumps(flight()))
-    Image.linear_gradient("L").save(folder / "wall.png")
-    return folder
+    return write_scene(tmp_path_factory.mktemp("files"))
 
 
 def job_in(files: Path, out: Path, **plan):

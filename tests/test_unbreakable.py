@@ -34,7 +34,11 @@ def flight() -> dict:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
+    return write_scene(tmp_path_factory.mktemp("files"))
+
+
+def write_scene(folder: Path) -> Path:
+    """A textured quad and a path along it, as files; gives the folder."""
     (folder / "quad.obj").write_text(OBJ)
     (folder / "quad.mtl").write_text(MTL)
     (folder / "flight.json").write_text(json.dumps(flight()))

@@ -94,11 +94,13 @@ def make_job(
     as_it_is = lit if vary is not None else None
     if vary is not None:
         lit = varied_scene(lit, file, vary, allow_outside, environment)
-    if stored is not None and scene_hash(lit) != stored.scene_sha256:
+    scene_sha256 = scene_hash(lit)
+    if stored is not None and scene_sha256 != stored.scene_sha256:
         raise InputError("is not the scene that the corpus was rendered from (sha256 differs)", file=file)
     named, overlay_file = _overlay_of(file, overlay)
     drawn_over = read_overlay(overlay_file, allow_outside) if overlay_file is not None else None
-    if stored is not None and drawn_over is not None and files_hash(drawn_over.files) != stored.overlay_sha256:
+    overlay_sha256 = files_hash(drawn_over.files) if drawn_over is not None else None
+    if stored is not None and overlay_sha256 not in (None, stored.overlay_sha256):
         raise InputError("is not the overlay that the corpus was rendered with (sha256 differs)", file=overlay_file)
     return Job(
         scene=lit,
@@ -114,6 +116,8 @@ def make_job(
         variation=vary,
         camera_scene=as_it_is,
         split=stored.split if stored else "train",
+        scene_sha256=scene_sha256,
+        overlay_sha256=overlay_sha256,
     )
 
 

@@ -90,10 +90,10 @@ def drop_outdated(job: Job, frames: Sequence[int]) -> dict[int, str]:
         raise InputError(problem, file=folder, frame=beyond[0], field="frames")
     for number in outdated:
         wanted = wanted_of(job, number)
-        _drop_streams(folder, wanted.record, wanted.outdated)
+        _drop_streams(job, wanted.record, wanted.outdated)
     for number in numbers:
         if number >= len(job.shoot) and (record := _record(job, number)[0]) is not None:
-            _drop_streams(folder, record, tuple(record.streams))
+            _drop_streams(job, record, tuple(record.streams))
     _sweep(folder)
     return outdated
 
@@ -106,18 +106,18 @@ def _sweep(folder: Path) -> None:
             image.unlink(missing_ok=True)
 
 
-def _drop_streams(folder: Path, record: FrameRecord, names: tuple[str, ...]) -> None:
+def _drop_streams(job: Job, record: FrameRecord, names: tuple[str, ...]) -> None:
     """The record goes first, or loses the streams: what it no longer names are no frames."""
     dropped = [item for item in record.files if item.path.split("/")[0] in names]
     streams = {name: stream for name, stream in record.streams.items() if name not in names}
-    file = folder / "frames" / f"{frame_name(record.frame)}.json"
+    file = record_file(job, record.frame)
     if streams:
         files = [item for item in record.files if item not in dropped]
         write_atomically(file, to_json(record.model_copy(update={"streams": streams, "files": files})))
     else:
         file.unlink(missing_ok=True)
     for item in dropped:
-        (folder / item.path).unlink(missing_ok=True)
+        (job.out / job.sequence / item.path).unlink(missing_ok=True)
 
 
 def _record(job: Job, frame: int) -> tuple[FrameRecord | None, str]:
