@@ -27,7 +27,7 @@ def to_image(array: NDArray) -> Image:
     """From [height, width, components], float32 or uint32."""
     height, width, components = array.shape
     kind = jit.UInt32 if array.dtype == np.uint32 else jit.Float
-    planes = tuple(kind(np.ascontiguousarray(array[..., k]).ravel()) for k in range(components))
+    planes = tuple(kind(_aligned(array[..., k])) for k in range(components))
     return Image(planes, width, height)
 
 
@@ -100,6 +100,17 @@ def backward_warp(
     )
     places = x * across + dr.opaque(jit.Float, previous_jitter[0]), y * down + dr.opaque(jit.Float, previous_jitter[1])
     return FILTERS[method](previous, *places)
+
+
+def _aligned(plane: NDArray) -> NDArray:
+    """A flat copy that begins at a multiple of 64 bytes. Dr.Jit maps NumPy's memory, and what is not aligned is another
+    kernel to it: frames would be compiled anew by chance."""
+    size = plane.size * plane.itemsize
+    room = np.empty(size + 64, np.uint8)
+    start = -room.ctypes.data % 64
+    flat = room[start : start + size].view(plane.dtype)
+    np.copyto(flat.reshape(plane.shape), plane)
+    return flat
 
 
 def _separable(image: Image, x, y, taps: int, weights) -> list:
