@@ -6,7 +6,7 @@ APT := apt-get install -y -qq --no-install-recommends
 AS_ROOT := $(shell if [ "$$(id -u)" = 0 ]; then echo run; elif command -v sudo >/dev/null; then echo sudo; else echo none; fi)
 DEMO := demo
 
-.PHONY: setup demo test bench schemas pictures lint clean
+.PHONY: setup browser demo test bench schemas pictures lint clean
 
 setup: $(VENV)/.installed
 	@$(call ensure,$(BIN)/framepairs doctor --json >/dev/null 2>&1,libllvm19 libatomic1)
@@ -29,11 +29,14 @@ $(1) || { \
 endef
 , := ,
 
+browser: setup
+	@$(call ensure,command -v chromium chromium-browser google-chrome,chromium)
+
 demo: setup
 	$(BIN)/framepairs render market --display 960x540 --scale 2 --scale 3 --channels all --out $(DEMO)
 	$(BIN)/framepairs validate $(DEMO)
 	$(BIN)/framepairs preview $(DEMO)
-	$(BIN)/framepairs upscale $(DEMO)
+	$(BIN)/framepairs upscale $(DEMO) --method bicubic --method accumulate --method temporal --method guided_temporal --out $(DEMO)-upscaled
 
 test: setup
 	$(BIN)/ruff check generator tests scenes
@@ -58,4 +61,4 @@ lint: setup
 	$(BIN)/ruff check --fix generator tests scenes
 
 clean:
-	rm -rf $(VENV) $(DEMO) $(DEMO)-preview
+	rm -rf $(VENV) $(DEMO) $(DEMO)-preview $(DEMO)-upscaled

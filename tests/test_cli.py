@@ -220,9 +220,11 @@ def test_warp_tells_what_agrees_and_draws_the_worst(two_quads_corpus, tmp_path):
 def test_preview_and_upscale_write_what_they_say(corpus, tmp_path):
     done = framepairs("preview", corpus, "--out", tmp_path / "sheets")
     assert done.returncode == 0 and all(Path(line).is_file() for line in done.stdout.split())
-    done = framepairs("upscale", corpus, "--method", "bicubic", "--json")
+    done = framepairs("upscale", corpus, "--method", "bicubic", "--method", "temporal", "--json")
     rows = json.loads(done.stdout)
-    assert done.returncode == 0 and {row["method"] for row in rows} == {"bicubic"}
+    keys = ["sequence", "stream", "method", "psnr", "ssim", "flip", "tpsnr", "warp_error", "static_std", "ms"]
+    assert done.returncode == 0 and all(list(row) == keys for row in rows)
+    assert {row["method"] for row in rows} == {"bicubic", "temporal"}
     done = framepairs("upscale", corpus, "--method", "dlss")
     assert done.returncode == 2 and "unknown method 'dlss'" in done.stderr
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from . import __version__, cli_corpora, cli_render, cli_scenes, interrupts
+from . import __version__, cli_corpora, cli_render, cli_scenes, cli_upscale, interrupts
 from .cli_options import Json
 from .errors import FramepairsError, InputError, MachineError
 from .terminal import error_console, print_table
@@ -19,7 +19,7 @@ app = typer.Typer(no_args_is_help=True, add_completion=True, pretty_exceptions_e
 for command in (cli_render.render, cli_render.regenerate, cli_scenes.scenes, cli_scenes.describe):
     app.command()(command)
 app.add_typer(cli_scenes.cameras, name="cameras")
-for command in (cli_corpora.validate, cli_corpora.warp, cli_corpora.upscale, cli_corpora.preview):
+for command in (cli_corpora.validate, cli_corpora.warp, cli_corpora.preview, cli_upscale.upscale, cli_upscale.roundtrip):
     app.command()(command)
 
 

@@ -1,4 +1,4 @@
-"""The commands that read a corpus: `validate`, `warp`, `upscale`, `preview`."""
+"""The commands that read a corpus: `validate`, `warp`, `preview`."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import typer
 from .bundled import find_scene
 from .cli_options import AllowOutside, CorpusFolder, Json, Quiet
 from .errors import CheckFailed, InputError
-from .terminal import print_table, print_upscaled, progress
+from .terminal import print_table, progress
 
 
 def validate(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) -> None:
@@ -64,45 +64,6 @@ def warp(
             shown = [list(row.values())[2:] for row in rows if (row["sequence"], row["stream"]) == place]
             shown = [[value if isinstance(value, (str, int)) else f"{value:.4g}" for value in row] for row in shown]
             print_table(f"{' '.join(place)}: worst frames", list(rows[0])[2:], shown)
-
-
-def upscale(
-    corpus: CorpusFolder,
-    method: Annotated[list[str] | None, typer.Option(help="nearest, bilinear, bicubic or accumulate, repeatable")] = None,
-    stream: Annotated[list[str] | None, typer.Option(help="LR stream, repeatable; default: all")] = None,
-    truth: Annotated[str, typer.Option(help="stream to measure against: hr, hr_mip0 or hr_native")] = "hr",
-    out: Annotated[Path | None, typer.Option(help="write the upscaled frames there as PNG")] = None,
-    json_: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Bring LR streams back to the display's size and measure them against the truth (display transform aces_srgb)."""
-    from .corpus import Corpus
-    from .manifest import make_folder
-    from .upscale import METHODS, summarise
-
-    opened = Corpus(corpus)
-    if out is not None:
-        make_folder(out)
-    unknown = [name for name in method or () if name not in METHODS]
-    if unknown:
-        raise InputError(f"unknown method {unknown[0]!r}; known are {', '.join(METHODS)}", field="method")
-    rows = []
-    with progress(quiet or json_) as bar:
-        task = bar.add_task("upscaling", total=sum(len(opened.frames(name)) for name in opened.sequences))
-        for sequence in opened.sequences:
-            lr = [name for name in opened.streams(sequence) if name.startswith("lr_")]
-            unknown = [name for name in stream or () if name not in lr]
-            if unknown:
-                raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus)
-            if truth not in opened.streams(sequence):
-                raise InputError(f"no stream {truth!r}; there are {', '.join(opened.streams(sequence))}", file=corpus)
-            pairs = [(name, chosen) for name in (stream or lr) for chosen in (method or METHODS)]
-            rows += summarise(opened, sequence, pairs, out, on_frame=lambda: bar.advance(task), truth_stream=truth)
-    if json_:
-        print(json.dumps(rows, indent=1))
-    elif not quiet:
-        for sequence in opened.sequences:
-            print_upscaled(sequence, [row for row in rows if row["sequence"] == sequence])
 
 
 def preview(

@@ -1,5 +1,6 @@
-"""PSNR and SSIM on the display transform `aces_srgb`."""
+"""PSNR, SSIM and FLIP on the display transform `aces_srgb`."""
 
+import flip_evaluator
 import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
@@ -32,3 +33,9 @@ def ssim(image: NDArray, truth: NDArray) -> float:
     luma, truth_luma = (np.ascontiguousarray(a @ np.float32(LUMINANCE_709)) for a in (image, truth))
     options = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
     return float(structural_similarity(luma, truth_luma, data_range=1.0, **options))
+
+
+def flip(image: NDArray, truth: NDArray) -> float:
+    """Mean FLIP error in [0, 1] of display codes (Andersson et al. 2020), at its authors' 67 pixels per degree."""
+    _, mean, _ = flip_evaluator.evaluate(truth, image, "LDR", applyMagma=False)
+    return float(mean)

@@ -15,16 +15,16 @@ def progress(silent: bool) -> Progress:
     return Progress(*columns, console=error_console, transient=True, disable=silent)
 
 
-def print_upscaled(sequence: str, rows: list[dict]) -> None:
-    """One line per stream and method; the parts of `summarise` side by side."""
-    parts = {(row["stream"], row["method"], row["part"]): row for row in rows}
-    table = []
-    for stream, method in dict.fromkeys((row["stream"], row["method"]) for row in rows):
-        whole, *still = (parts.get((stream, method, part)) for part in ("all", "still", "still, end"))
-        stills = ["" if part is None else f"{part['psnr']:.2f}" for part in still]
-        table.append([stream, method, f"{whole['psnr']:.2f}", f"{whole['ssim']:.3f}", *stills, f"{whole['ms']:.1f}"])
-    columns = ["stream", "method", "PSNR", "SSIM", "still", "last still", "ms"]
-    print_table(f"{sequence}: PSNR in dB and SSIM on aces_srgb, means over frames", columns, table)
+def print_upscaled(rows: list[dict]) -> None:
+    """A table per sequence and stream: what `upscaling.comparison.summarise` gives."""
+    digits = {"psnr": 2, "ssim": 3, "flip": 3, "tpsnr": 2, "warp_error": 2, "static_std": 2, "ms": 1}
+    for sequence, stream in dict.fromkeys((row["sequence"], row["stream"]) for row in rows):
+        own = [row for row in rows if (row["sequence"], row["stream"]) == (sequence, stream)]
+        figures = [["" if row[key] is None else f"{row[key]:.{n}f}" for key, n in digits.items()] for row in own]
+        table = [[row["method"], *line] for row, line in zip(own, figures, strict=True)]
+        columns = ["method", "PSNR", "SSIM", "FLIP", "tPSNR", "warp error", "still std", "ms"]
+        print_table(f"{sequence} {stream}", columns, table)
+    out_console.print("means over frames on aces_srgb; PSNR in dB, warp error and still std in codes of 255")
 
 
 def print_description(scene, found: dict, channels: list) -> None:
