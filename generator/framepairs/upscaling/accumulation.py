@@ -10,9 +10,10 @@ from ..warp import Image, bilinear, fetch, nearest, pixel_centres
 from .inputs import UpscaleFrame
 from .neighbourhood import gaussian_kernel
 from .settings import UpscaleSettings
-from .spatial import lr_places, opaque
-from .surfaces import NEIGHBOURS
+from .spatial import lr_places, neighbours, opaque
 from .temporal import scales
+
+LEAST_WEIGHT = 1e-6  # of the nearest sample, however far jitter has moved it
 
 
 @dataclass(frozen=True)
@@ -40,12 +41,12 @@ def accumulate(history: Sums | None, frame: UpscaleFrame, settings: UpscaleSetti
 
 def splat(color: Image, x, y, scale, settings: UpscaleSettings) -> tuple:
     """Weighted sums [3] of the 3x3 LR samples nearest to each HR pixel, and the weight: > 0 everywhere."""
-    i, j = jit.Int32(dr.floor(x)), jit.Int32(dr.floor(y))
     kernel = gaussian_kernel(scale, opaque(settings.still_sigma), settings)
     sums, weight = [jit.Float(0)] * 3, jit.Float(0)
-    for column, row in NEIGHBOURS:
-        w = kernel(jit.Float(i + column) + 0.5 - x, jit.Float(j + row) + 0.5 - y)
-        pixel = fetch(color, i + column, j + row)
+    for near in neighbours(color, x, y):
+        w = kernel(near.dx, near.dy) * near.inside
+        w = dr.maximum(w, LEAST_WEIGHT) if near.middle else w
+        pixel = fetch(color, near.column, near.row)
         sums = [dr.fma(w, value, so_far) for value, so_far in zip(pixel, sums, strict=True)]
         weight += w
     return sums, weight

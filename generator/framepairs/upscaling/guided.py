@@ -11,21 +11,22 @@ from dataclasses import dataclass
 
 from ..backend import dr, jit
 from ..warp import Image, fetch
-from .inputs import UpscaleFrame
+from .inputs import BRIGHTEST, UpscaleFrame
 from .settings import UpscaleSettings
-from .spatial import lr_places, opaque, upscale
-from .surfaces import NEIGHBOURS, pixel_indices
+from .spatial import lr_places, neighbours, opaque, upscale
+from .surfaces import NEIGHBOURS, border, pixel_indices
 from .temporal import scales
 
 LEAST_MATERIAL = 1e-3  # what F_beta counts with at least, as a divisor
-LEAST_LIKENESS = 1e-4  # what a sample unlike the HR pixel counts with, so that no surface is left without light
+LEAST_LIKENESS = 1e-4  # what a sample unlike the HR pixel counts with: light of another surface is better than none
+LEAST_SUM = 1e-30  # of weighted material, as a divisor: weights of samples many pixels away leave the range of floats
 
 
 @dataclass(frozen=True)
 class Sample:
     """One of the 3x3 LR pixels around an HR pixel. column, row: in the LR image. dx, dy: its place minus the HR pixel's, LR
     pixels. reflected, material: colour without emission, and F_beta. surface: 1, or 0 for the background. likeness: (0, 1],
-    to the HR pixel's surface."""
+    to the HR pixel's surface. Both are 0 outside the image."""
 
     column: jit.Int32
     row: jit.Int32
@@ -52,10 +53,11 @@ def guided(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = T
         planes = list(reflected / total)
         dr.eval(planes)
         return planes
-    width, height = frame.size
-    light = Image(tuple(lighting_of(reflected, material)), width, height)
+    lit = dr.select(total > LEAST_SUM, jit.Float(1), 0)
+    light = Image((*lighting_of(reflected, material), lit), *frame.size)
     dr.eval(light.planes)
-    shown = over_layers(list(remodulated(_mixed(light, frame, settings), frame)), frame)
+    mixed, lit = _mixed(light, frame, settings)
+    shown = over_layers(remodulated(mixed, lit, frame), frame)
     dr.eval(shown)
     return shown
 
@@ -63,42 +65,43 @@ def guided(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = T
 def samples(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = True) -> Iterator[Sample]:
     """The 3x3 `Sample`s of every HR pixel; without `demodulated`, reflected is the whole colour."""
     lr, hr = frame.lr, frame.hr
-    x, y = lr_places(lr["color"], frame.size, frame.jitter)
     across, down = scales(frame)
-    i, j = jit.Int32(dr.floor(x)), jit.Int32(dr.floor(y))
     closeness, slope_x, slope_y = _plane(hr["depth"])
     normal, identity = jit.Array3f(*hr["normal"].planes), hr["object_id"].planes[0]
     sharpness, power, other = (
         opaque(value) for value in (1 / settings.depth_tolerance, settings.normal_power, settings.other_object)
     )
-    for column, row in NEIGHBOURS:
-        a, b = i + column, j + row
-        dx, dy = jit.Float(a) + 0.5 - x, jit.Float(b) + 0.5 - y
+    for near in neighbours(lr["color"], *lr_places(lr["color"], frame.size, frame.jitter)):
+        a, b, dx, dy = near.column, near.row, near.dx, near.dy
         there = dr.rcp(fetch(lr["depth"], a, b)[0])
         expected = closeness + slope_x * dx * across + slope_y * dy * down
         off = (there - expected) / dr.maximum(there, closeness)
         alike = dr.exp(-dr.square(off * sharpness))
-        alike *= dr.power(dr.maximum(dr.dot(normal, jit.Array3f(*fetch(lr["normal"], a, b))), 0), power)
+        alike *= dr.power(dr.clip(dr.dot(normal, jit.Array3f(*fetch(lr["normal"], a, b))), 0, 1), power)
         theirs = fetch(lr["object_id"], a, b)[0]
         alike *= dr.select(theirs == identity, 1, other)
         reflected = jit.Array3f(*fetch(lr["color"], a, b))
         if demodulated:
             reflected -= jit.Array3f(*fetch(lr["emission"], a, b))
         material = dr.maximum(jit.Array3f(*fetch(lr["brdf"], a, b)), LEAST_MATERIAL)
-        surface = dr.select(theirs > 0, jit.Float(1), 0)
-        yield Sample(a, b, dx, dy, reflected, material, surface, dr.maximum(alike, LEAST_LIKENESS))
+        alike = dr.maximum(alike, LEAST_LIKENESS) * near.inside
+        yield Sample(a, b, dx, dy, reflected, material, dr.select(theirs > 0, near.inside, 0), alike)
 
 
 def lighting_of(reflected, material) -> jit.Array3f:
     """Sums of light over sums of material: at an edge this weighs each surface's lighting by its own material. 0 where no
     sample lies on a surface."""
-    known = dr.max(material) > 0
+    known = material > LEAST_SUM
     return dr.select(known, reflected / dr.select(known, material, 1), 0)
 
 
-def remodulated(light, frame: UpscaleFrame) -> jit.Array3f:
-    """Lighting times the HR F_beta, plus HR emission."""
-    return jit.Array3f(*light) * jit.Array3f(*frame.hr["brdf"].planes) + jit.Array3f(*frame.hr["emission"].planes)
+def remodulated(light, lit, frame: UpscaleFrame) -> list:
+    """Planes of lighting times the HR F_beta, plus HR emission. Where `lit` is 0, no sample lies on a surface: what is too thin
+    for LR shows the colour behind it, bilinear."""
+    light = dr.clip(jit.Array3f(*light), -BRIGHTEST, BRIGHTEST)
+    material, emission = (jit.Array3f(*frame.hr[name].planes) for name in ("brdf", "emission"))
+    behind = jit.Array3f(*upscale(frame.lr["color"], "bilinear", frame.size, frame.jitter))
+    return list(dr.select((lit > 0) | (dr.max(material) <= 0), light * material + emission, behind))
 
 
 def over_layers(planes: list, frame: UpscaleFrame) -> list:
@@ -111,18 +114,21 @@ def over_layers(planes: list, frame: UpscaleFrame) -> list:
     return [dr.lerp(value, other, covered) for value, other in zip(planes, plain, strict=True)]
 
 
-def _mixed(light: Image, frame: UpscaleFrame, settings: UpscaleSettings) -> list:
-    """Lighting under a Gaussian over 3x3 HR pixels on surfaces: what anti-aliasing mixes at an edge."""
+def _mixed(light: Image, frame: UpscaleFrame, settings: UpscaleSettings) -> tuple:
+    """Lighting [3] under a Gaussian over those of 3x3 HR pixels that are surfaces and lit, which is what anti-aliasing mixes at
+    an edge; and 1, or 0 where nothing is lit. light: [4], its last plane 1 where lit."""
     i, j = pixel_indices(*frame.size)
     narrow = -0.5 / settings.antialiasing_sigma**2
     sums, total = [jit.Float(0)] * 3, jit.Float(0)
     for column, row in NEIGHBOURS:
+        *pixel, lit = fetch(light, i + column, j + row)
         surface = fetch(frame.hr["object_id"], i + column, j + row)[0] > 0
-        w = opaque(math.exp(narrow * (column * column + row * row))) * dr.select(surface, jit.Float(1), 1e-3)
-        pixel = fetch(light, i + column, j + row)
+        w = opaque(math.exp(narrow * (column * column + row * row))) * dr.select(surface, lit, 0)
         sums = [dr.fma(w, value, so_far) for value, so_far in zip(pixel, sums, strict=True)]
         total += w
-    return [value / total for value in sums]
+    *own, lit = light.planes
+    sums = [dr.select(total > 0, value / dr.select(total > 0, total, 1), alone) for value, alone in zip(sums, own, strict=True)]
+    return sums, dr.select(total > 0, 1, lit)
 
 
 def _plane(depth: Image) -> tuple:
@@ -134,6 +140,7 @@ def _plane(depth: Image) -> tuple:
     def change(column: int, row: int):
         after = dr.rcp(fetch(depth, i + column, j + row)[0]) - here
         before = here - dr.rcp(fetch(depth, i - column, j - row)[0])
-        return dr.select(dr.abs(after) < dr.abs(before), after, before)
+        first, last = border(depth, i, j, column)
+        return dr.select(~last & (first | (dr.abs(after) < dr.abs(before))), after, before)
 
     return here, change(1, 0), change(0, 1)

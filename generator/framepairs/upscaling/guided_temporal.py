@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ..backend import dr, jit
 from ..colour import ycocg_from_rgb
 from ..warp import Image, fetch
-from .guided import LEAST_MATERIAL, lighting_of, over_layers, remodulated, samples
-from .inputs import UpscaleFrame
+from .guided import LEAST_MATERIAL, LEAST_SUM, lighting_of, over_layers, remodulated, samples
+from .inputs import BRIGHTEST, UpscaleFrame
 from .neighbourhood import STATISTICS, sample_sigma
 from .rectification import compress, expand, rectify
 from .settings import UpscaleSettings
@@ -44,7 +44,7 @@ def guided_oracle(history: History | None, frame: UpscaleFrame, settings: Upscal
 
 
 def _upsampled_motion(frame: UpscaleFrame, settings: UpscaleSettings) -> Image:
-    """HR motion [2], HR pixels: that of the LR sample that is most like the HR pixel's surface, and among equals nearest."""
+    """HR motion [2], HR pixels: that of the LR sample with the greatest product of likeness and nearness."""
     best, column, row = jit.Float(-1), jit.Int32(0), jit.Int32(0)
     for sample in samples(frame, settings):
         near = sample.likeness * dr.exp(-2 * (dr.square(sample.dx) + dr.square(sample.dy)))
@@ -60,12 +60,13 @@ def _upsampled_motion(frame: UpscaleFrame, settings: UpscaleSettings) -> Image:
 @dataclass(frozen=True)
 class _LightingAround:
     """Of the 3x3 samples of each HR pixel. reflected, material, weight: sums over those within about a pixel. light: by
-    joint bilateral weights. mean, deviation: of lighting, compressed YCoCg, on surfaces alike."""
+    joint bilateral weights, lit: 0 where there is none. mean, deviation: of lighting, compressed YCoCg, on surfaces alike."""
 
     reflected: jit.Array3f
     material: jit.Array3f
     weight: jit.Float
     light: jit.Array3f
+    lit: jit.Float
     mean: jit.Array3f
     deviation: jit.Array3f
 
@@ -75,7 +76,7 @@ def _lighting_around(frame: UpscaleFrame, speed, strength, settings: UpscaleSett
     narrow = -0.5 / dr.square(sample_sigma(speed, settings.still_sigma, settings.guided_moving_sigma))
     spatial = opaque(-0.5 / settings.lighting_sigma**2)
     near_sums, near = [jit.Array3f(0), jit.Array3f(0)], jit.Float(0)
-    alike_sums = [jit.Array3f(0), jit.Array3f(0)]
+    alike_sums, alike = [jit.Array3f(0), jit.Array3f(0)], jit.Float(0)
     first, second, total = jit.Array3f(0), jit.Array3f(0), jit.Float(0)
     for sample in samples(frame, settings):
         pair, squared = (sample.reflected, sample.material), dr.square(sample.dx) + dr.square(sample.dy)
@@ -83,13 +84,16 @@ def _lighting_around(frame: UpscaleFrame, speed, strength, settings: UpscaleSett
         near_sums, near = [dr.fma(part, w, so_far) for part, so_far in zip(pair, near_sums, strict=True)], near + w
         w = dr.exp(spatial * squared) * sample.likeness * sample.surface
         alike_sums = [dr.fma(part, w, so_far) for part, so_far in zip(pair, alike_sums, strict=True)]
+        alike += w
         w = dr.exp(STATISTICS * squared) * sample.surface * dr.maximum(sample.likeness, 1e-2)
-        ycocg = ycocg_from_rgb(compress(sample.reflected / sample.material, strength))
+        light = dr.clip(sample.reflected / sample.material, -BRIGHTEST, BRIGHTEST)
+        ycocg = ycocg_from_rgb(compress(light, strength))
         first, second, total = dr.fma(ycocg, w, first), dr.fma(dr.square(ycocg), w, second), total + w
     over = dr.rcp(dr.maximum(total, 1e-8))
     mean = first * over
     deviation = dr.sqrt(dr.maximum(second * over - dr.square(mean), 0))
-    return _LightingAround(*near_sums, near, lighting_of(*alike_sums), mean, deviation)
+    lit = dr.select(alike > LEAST_SUM, jit.Float(1), 0)
+    return _LightingAround(*near_sums, near, lighting_of(*alike_sums), lit, mean, deviation)
 
 
 def _blended(carried: Carried, frame: UpscaleFrame, surface, settings: UpscaleSettings, exact: bool) -> tuple[History, list]:
@@ -107,14 +111,16 @@ def _blended(carried: Carried, frame: UpscaleFrame, surface, settings: UpscaleSe
     old_reflected = dr.select(beyond > 1, expand(kept, strength) * old_material, old_reflected)
 
     total = weight + around.weight
-    known = total > 0
+    known = total > LEAST_SUM
     over = dr.select(known, dr.rcp(dr.select(known, total, 1)), 0)
     reflected = (old_reflected * weight + around.reflected) * over
     material = (old_material * weight + around.material) * over
     bilateral = opaque(settings.guided) / (1 + total * opaque(settings.guided_decay))
     own = dr.maximum(jit.Array3f(*frame.hr["brdf"].planes), LEAST_MATERIAL) * bilateral
+    own = dr.select(around.lit > 0, own, 0)
     light = lighting_of(dr.fma(around.light, own, reflected * total), dr.fma(material, total, own))
-    shown = over_layers(list(remodulated(light, frame)), frame)
+    lit = dr.select(known | (around.lit > 0), jit.Float(1), 0)
+    shown = over_layers(remodulated(light, lit, frame), frame)
 
     changed = ycocg_from_rgb(compress(lighting_of(around.reflected, around.material), strength))[0]
     changed = dr.square(changed - ycocg_from_rgb(old_light)[0])

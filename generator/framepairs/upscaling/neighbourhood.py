@@ -12,8 +12,7 @@ from ..colour import rgb_from_ycocg, ycocg_from_rgb
 from ..warp import Image, fetch
 from .rectification import compress
 from .settings import UpscaleSettings
-from .spatial import opaque
-from .surfaces import NEIGHBOURS
+from .spatial import neighbours, opaque
 
 STATISTICS = -2.3  # exponent per squared LR pixel of the weights of mean and deviation (FSR 2.2)
 NARROWEST = 1.99  # most that the radial kernel's distances are scaled by, so that it reaches 1 LR pixel far (FSR 2.2)
@@ -35,23 +34,21 @@ class Neighbourhood:
 def neighbourhood(color: Image, x, y, scale, sigma, strength, settings: UpscaleSettings) -> Neighbourhood:
     """color: LR, scene-linear [3]. x, y: HR pixels' places in LR pixels, jitter added (`lr_places`). scale: HR pixels per LR
     pixel and axis. sigma: HR pixels, of the Gaussian kernel. strength: of `compress`."""
-    i, j = jit.Int32(dr.floor(x)), jit.Int32(dr.floor(y))
     kernel = _radial_lanczos(scale) if settings.kernel == "radial_lanczos" else gaussian_kernel(scale, sigma, settings)
     sums, weight = jit.Array3f(0), jit.Float(0)
     first, second, total = jit.Array3f(0), jit.Array3f(0), jit.Float(0)
     low, high = jit.Array3f(math.inf), jit.Array3f(-math.inf)
-    for column, row in NEIGHBOURS:
-        dx, dy = jit.Float(i + column) + 0.5 - x, jit.Float(j + row) + 0.5 - y
-        sample = compress(jit.Array3f(*fetch(color, i + column, j + row)), strength)
-        w = kernel(dx, dy)
+    for near in neighbours(color, x, y):
+        sample = compress(jit.Array3f(*fetch(color, near.column, near.row)), strength)
+        w = kernel(near.dx, near.dy) * near.inside
         sums, weight = dr.fma(sample, w, sums), weight + w
         low, high = dr.minimum(low, sample), dr.maximum(high, sample)
-        w = dr.exp(STATISTICS * (dr.square(dx) + dr.square(dy)))
+        w = dr.exp(STATISTICS * (dr.square(near.dx) + dr.square(near.dy))) * near.inside
         ycocg = ycocg_from_rgb(sample)
         first, second, total = dr.fma(ycocg, w, first), dr.fma(dr.square(ycocg), w, second), total + w
     mean = first / total
-    near = weight > opaque(settings.least_weight)
-    estimate = dr.select(near, sums / dr.select(near, weight, 1), rgb_from_ycocg(mean))
+    known = weight > opaque(settings.least_weight)
+    estimate = dr.select(known, sums / dr.select(known, weight, 1), rgb_from_ycocg(mean))
     return Neighbourhood(
         dr.clip(estimate, low, high),
         dr.maximum(weight, opaque(settings.least_weight)),

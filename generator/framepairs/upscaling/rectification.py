@@ -11,13 +11,13 @@ BRIGHTEST_SHOWN = 1e5  # what is decompressed is limited to this, after exposure
 
 
 def compress(rgb, strength):
-    """rgb / (1 + strength max(rgb)), components up to 1 / strength; strength 0: unchanged."""
-    return rgb * dr.rcp(1 + strength * dr.maximum(dr.max(rgb), 0))
+    """rgb / (1 + strength max|rgb|), components within 1 / strength; strength 0: unchanged."""
+    return rgb * dr.rcp(1 + strength * dr.max(dr.abs(rgb)))
 
 
 def expand(rgb, strength):
     """The inverse of `compress`, limited to BRIGHTEST_SHOWN / strength."""
-    return rgb * dr.rcp(dr.maximum(1 - strength * dr.max(rgb), 1 / BRIGHTEST_SHOWN))
+    return rgb * dr.rcp(dr.maximum(1 - strength * dr.max(dr.abs(rgb)), 1 / BRIGHTEST_SHOWN))
 
 
 def rectify(history, mean, half_size) -> tuple:

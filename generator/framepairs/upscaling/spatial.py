@@ -1,5 +1,8 @@
 """Upscaling one LR image by itself: nearest, bilinear, bicubic (Catmull-Rom), Lanczos-2."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 from ..backend import dr, jit
 from ..warp import Image, bilinear, catmull_rom, lanczos2, nearest, pixel_centres
 
@@ -25,6 +28,32 @@ def lr_places(image: Image, size: Size, jitter: Jitter) -> tuple:
     x, y = pixel_centres(*size)
     across, down = opaque(image.width / size[0]), opaque(image.height / size[1])
     return x * across + opaque(jitter[0]), y * down + opaque(jitter[1])
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """One of the 3x3 pixels around a place. column, row: of the image, possibly outside. dx, dy: its centre minus the place, in
+    pixels. inside: 1, or 0 where the image has no such pixel and `fetch` gives the nearest one. middle: whether it is the
+    pixel that is nearest to the place."""
+
+    column: jit.Int32
+    row: jit.Int32
+    dx: jit.Float
+    dy: jit.Float
+    inside: jit.Float
+    middle: bool
+
+
+def neighbours(image: Image, x, y) -> Iterator[Neighbour]:
+    """The pixel of `image` nearest to each place and the eight around it, row by row. Places are in pixels of the image; with
+    jitter they lie up to half a pixel outside."""
+    right, bottom = dr.opaque(jit.Int32, image.width - 1), dr.opaque(jit.Int32, image.height - 1)
+    i, j = dr.clip(jit.Int32(dr.floor(x)), 0, right), dr.clip(jit.Int32(dr.floor(y)), 0, bottom)
+    for row in (-1, 0, 1):
+        for column in (-1, 0, 1):
+            a, b = i + column, j + row
+            inside = dr.select((a >= 0) & (a <= right) & (b >= 0) & (b <= bottom), jit.Float(1), 0)
+            yield Neighbour(a, b, jit.Float(a) + 0.5 - x, jit.Float(b) + 0.5 - y, inside, column == row == 0)
 
 
 def opaque(value: float) -> jit.Float:

@@ -80,12 +80,20 @@ def pixel_indices(width: int, height: int) -> tuple:
     return jit.Int32(x), jit.Int32(y)
 
 
+def border(image: Image, i, j, column: int) -> tuple:
+    """Whether pixels are the first and the last of their row (column 1) or column (0): they have one neighbour there."""
+    place, last = (i, image.width - 1) if column else (j, image.height - 1)
+    return place == 0, place == dr.opaque(jit.Int32, last)
+
+
 def _slope(depth: Image, settings: UpscaleSettings):
     """The depth's change to the neighbour where it changes less, left or right plus above or below."""
     i, j = pixel_indices(depth.width, depth.height)
     z = depth.planes[0]
 
     def change(column: int, row: int):
-        return dr.minimum(dr.abs(fetch(depth, i + column, j + row)[0] - z), dr.abs(fetch(depth, i - column, j - row)[0] - z))
+        after, before = (dr.abs(fetch(depth, i + s * column, j + s * row)[0] - z) for s in (1, -1))
+        first, last = border(depth, i, j, column)
+        return dr.select(first, after, dr.select(last, before, dr.minimum(after, before)))
 
     return dr.minimum(change(1, 0) + change(0, 1), opaque(settings.most_slope) * z)

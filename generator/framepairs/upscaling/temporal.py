@@ -11,7 +11,7 @@ from ..backend import dr, jit
 from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
 from ..colour import ycocg_from_rgb
 from ..warp import Image, bilinear, catmull_rom, fetch, pixel_centres
-from .inputs import UpscaleFrame
+from .inputs import FAR, UpscaleFrame
 from .neighbourhood import neighbourhood, sample_sigma
 from .rectification import compress, expand, half_sizes, rectify
 from .settings import UpscaleSettings
@@ -44,10 +44,13 @@ class Carried:
 
 
 def no_history(planes: int, size: tuple[int, int], surface: Image | None = None, jitter: Jitter = (0.0, 0.0)) -> History:
-    """What precedes a frame after a cut: the same kernels run on it."""
+    """What precedes a frame after a cut: the same kernels run on it. surface: what the frame's own is like."""
     width, height = size
     empty = [dr.opaque(jit.Float, 0, width * height) for _ in range(planes + 2)]
     images = [Image(tuple(part), width, height) for part in (empty[:planes], empty[-2:-1], empty[-1:])]
+    if surface is not None:  # an array of its own: one array that is given twice makes another kernel
+        nowhere = tuple(dr.opaque(jit.Float, value, surface.width * surface.height) for value in (FAR, 0, 0))
+        surface = Image(nowhere, surface.width, surface.height)
     return History(*images, surface, jitter)
 
 
