@@ -9,9 +9,11 @@ from analytic import at, path_of
 from framepairs.channels import SEEN_BY_PREVIOUS_CAMERA
 from framepairs.corpus import Corpus
 from framepairs.errors import InputError
+from framepairs.jitter import jitter
 from framepairs.metrics import flip, psnr, ssim, to_display
 from framepairs.pipeline import render_sequence
 from framepairs.upscaling.comparison import judge_sequence, summarise
+from framepairs.upscaling.inputs import UpscaleFrame
 from framepairs.upscaling.sequence import METHODS, upscale_sequence
 from framepairs.upscaling.settings import UpscaleSettings
 from framepairs.upscaling.spatial import SPATIAL, upscale
@@ -137,6 +139,40 @@ def test_a_thin_fence_stands_still(tmp_path):
     for method in ("temporal", "oracle"):
         assert rows[method]["static_std"] <= 0.6, method
         assert rows[method]["psnr"] > rows["bicubic"]["psnr"] + 3, method
+
+
+@pytest.mark.parametrize("moving", [0.0, 1.5])
+@pytest.mark.parametrize("method", ["temporal", "guided_temporal"])
+def test_light_that_changes_is_followed_at_once(method, moving):
+    """A wall that nothing hides, twelve frames dark and then bright: history lies outside what the samples vary by, which is
+    nothing. Where nothing moves, `accumulate` mixes both by weight, and `oracle` believes that a surface keeps its look."""
+    found = {}
+    for name in (method, "accumulate", "oracle"):
+        history = None
+        for k in range(13):
+            history, planes = METHODS[name].step(history, wall_frame(0.1 if k < 12 else 0.9, k, moving), UpscaleSettings())
+        found[name] = to_array(planes, 14, 10)
+    # the variance of equal samples rounds to some epsilon, 3 times 1.7 of its root are 2e-3, and expanding is by (1 + 0.9)^2
+    assert np.abs(found[method] - 0.9).max() < 0.01
+    if not moving:
+        assert found["accumulate"].max() < 0.5 and found["oracle"].max() < 0.5
+
+
+def wall_frame(light, index, moving):
+    """A wall of albedo 1 before the camera, lit evenly, as LR 7x5 and HR 14x10; it moves by `moving` HR pixels a frame."""
+    constants = {"color": (light,) * 3, "emission": (0,) * 3, "brdf": (1,) * 3, "normal": (0, 0, 1), "depth": (2,)}
+
+    def buffer(width, height, motion):
+        values = constants | {"motion": (motion, 0)}
+        arrays = {name: np.full((height, width, len(value)), value, np.float32) for name, value in values.items()}
+        codes = {"object_id": 1, "visibility": 7}
+        arrays |= {name: np.full((height, width, 1), value, np.uint32) for name, value in codes.items()}
+        return {name: to_image(array) for name, array in arrays.items()}
+
+    return UpscaleFrame(
+        lr=buffer(7, 5, moving / 2), hr=buffer(14, 10, moving), size=(14, 10), jitter=jitter(index, 32), exposure=1.0,
+        previous_depth=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
 
 
 def test_wrong_jitter_does_not_converge(two_quads_corpus, monkeypatch):
