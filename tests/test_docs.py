@@ -76,14 +76,14 @@ def test_the_readme_is_short():
 
 
 def test_the_page_of_the_upscaler_names_its_methods_figures_and_relations():
-    from framepairs.upscaling.roundtrip import RELATIONS
+    from framepairs.upscaling.roundtrip import DECLARED, RELATIONS
     from framepairs.upscaling.sequence import METHODS
 
     text = (ROOT / "docs" / "upscaling.md").read_text()
     rows = [set(re.findall(r"`(\w+)`", line.split("|")[1])) for line in text.splitlines() if line.startswith("| `")]
     named = set().union(*rows)
     figures = {"psnr", "ssim", "flip", "tpsnr", "warp_error", "static_std", "ms"}
-    assert {*METHODS, *figures, *(relation.id for relation in RELATIONS)} == named
+    assert {*METHODS, *figures, *(relation.id for relation in RELATIONS), *DECLARED} == named
     for relation in RELATIONS:
         needed = f"{relation.needed:g} dB".replace("-", "−")
         assert f"| `{relation.id}` | {needed} |" in text

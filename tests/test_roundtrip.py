@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from framepairs.corpus import Corpus
-from framepairs.upscaling.roundtrip import RELATIONS, roundtrip
-from sample_corpus import render_two_quads
+from framepairs.upscaling.roundtrip import DECLARED, RELATIONS, roundtrip
+from sample_corpus import MOVING, render_two_quads
 from test_cli import framepairs
 
 NATIVE, JITTERED, BIASED = "lr_x2", "lr_x2_jittered", "lr_x2_jittered_mip-1"
@@ -57,15 +57,27 @@ def broken(corpus) -> set[str]:
 
 def test_a_healthy_corpus_shows_every_relation(folder):
     verdicts = roundtrip(Corpus(folder))
-    assert [verdict.id for verdict in verdicts] == [relation.id for relation in RELATIONS]
+    assert [verdict.id for verdict in verdicts] == [*(relation.id for relation in RELATIONS), *DECLARED]
     assert {verdict.verdict for verdict in verdicts} == {"holds"}
     assert all(verdict.figure >= verdict.needed and verdict.scale == 2 for verdict in verdicts)
 
 
 @pytest.mark.parametrize("fault", JITTER_FAULTS)
 def test_wrong_jitter_breaks_convergence(folder, fault):
-    named = {"converges", "accumulation_beats_bicubic"} if fault != "absent" else {"jittered_beats_unjittered"}
-    assert broken(Faulty(folder, jitter=JITTER_FAULTS[fault])) & named
+    found = broken(Faulty(folder, jitter=JITTER_FAULTS[fault]))
+    if fault == "absent":  # no other hypothesis is left to compare with
+        assert "jittered_beats_unjittered" in found
+    else:
+        assert found >= {"declared_jitter_wins"} and found & {"converges", "accumulation_beats_bicubic"}
+
+
+@pytest.mark.parametrize("fault", [name for name in JITTER_FAULTS if name != "absent"])
+def test_wrong_jitter_is_seen_where_everything_moves(folder, fault):
+    corpus = Faulty(folder, jitter=JITTER_FAULTS[fault])
+    corpus.frames = lambda sequence: list(range(MOVING))
+    verdicts = {verdict.id: verdict for verdict in roundtrip(corpus)}
+    assert verdicts["converges"].verdict == "not applicable"
+    assert verdicts["declared_jitter_wins"].verdict == "broken" and verdicts["declared_jitter_wins"].why.startswith("closest: ")
 
 
 def test_pictures_that_are_not_jittered_break_what_jitter_gains(folder):
@@ -82,9 +94,7 @@ def test_pictures_that_are_not_biased_break_what_bias_gains(folder):
     assert "bias_beats_native" in broken(Faulty(folder, array=unbiased))
 
 
-@pytest.mark.parametrize(
-    ("which", "relation"), [("hr", "history_beats_bicubic"), ("lr", "lr_history_beats_bicubic")]
-)
+@pytest.mark.parametrize(("which", "relation"), [("hr", "history_beats_bicubic"), ("lr", "lr_history_beats_bicubic")])
 @pytest.mark.parametrize("factor", [(-1, -1), (2, 2), (-1, 1)], ids=["negated", "doubled", "x flipped"])
 def test_wrong_motion_breaks_what_history_gains(folder, which, relation, factor):
     def wrong(read, sequence, stream, channel, frame):
@@ -92,7 +102,27 @@ def test_wrong_motion_breaks_what_history_gains(folder, which, relation, factor)
             return read(sequence, stream, channel, frame) * np.float32(factor)
         return None
 
-    assert relation in broken(Faulty(folder, array=wrong))
+    found = broken(Faulty(folder, array=wrong))
+    assert relation in found and ("declared_motion_wins" if which == "hr" else "declared_lr_motion_wins") in found
+
+
+def test_light_that_changes_where_nothing_moves_is_no_fault(folder):
+    """A fade, and a flash while the card moves: truth and LR agree, and no relation may blame the data."""
+    for gain in (lambda frame: 1 - 0.03 * frame, lambda frame: 4 if frame == 2 else 1):
+
+        def lit(read, sequence, stream, channel, frame, gain=gain):
+            light = channel in ("color", "emission")
+            return read(sequence, stream, channel, frame) * np.float32(gain(frame)) if light else None
+
+        assert not broken(Faulty(folder, array=lit))
+
+
+def test_black_frames_are_no_fault_and_no_proof(folder):
+    def black(read, sequence, stream, channel, frame):
+        dark = channel in ("color", "emission") and frame < 3
+        return 0 * read(sequence, stream, channel, frame) if dark else None
+
+    assert not broken(Faulty(folder, array=black))
 
 
 def test_displaced_guides_break_what_they_gain(folder):
@@ -106,7 +136,7 @@ def test_displaced_guides_break_what_they_gain(folder):
 
 def test_material_that_is_not_the_colours_breaks_what_demodulation_gains(folder):
     def foreign(read, sequence, stream, channel, frame):
-        return np.roll(read(sequence, stream, channel, frame), 5, 1) if (channel, stream[:2]) == ("brdf", "lr") else None
+        return np.roll(read(sequence, stream, channel, frame), 7, 1) if (channel, stream) == ("brdf", "hr") else None
 
     assert "demodulation_beats_none" in broken(Faulty(folder, array=foreign))
 
@@ -114,7 +144,7 @@ def test_material_that_is_not_the_colours_breaks_what_demodulation_gains(folder)
 def test_what_cannot_be_judged_says_why(tmp_path):
     bare = Corpus(render_two_quads(tmp_path / "c", scales=(2,), channels=("color", "depth"), antialiasing=1))
     why = {verdict.id: verdict.why for verdict in roundtrip(bare) if verdict.verdict == "not applicable"}
-    assert set(why) == {relation.id for relation in RELATIONS}
+    assert set(why) == {*(relation.id for relation in RELATIONS), *DECLARED} - {"declared_jitter_wins"}
     assert why["converges"] == "motion was not rendered" and why["bias_beats_native"] == "no unbiased stream at this scale"
 
 

@@ -128,6 +128,13 @@ def test_what_is_not_there_is_refused_before_anything_is_written(two_quads_corpu
     assert not list(tmp_path.iterdir())
 
 
+def test_a_corpus_is_not_written_into(two_quads_corpus):
+    for out in (two_quads_corpus, two_quads_corpus / "upscaled"):
+        done = framepairs("upscale", two_quads_corpus, "--method", "nearest", "--out", out)
+        assert done.returncode == 2 and "lies in the corpus" in done.stderr
+    assert not (two_quads_corpus / "index.html").exists() and not (two_quads_corpus / "upscaled").exists()
+
+
 def test_an_output_folder_that_is_a_file_is_refused(two_quads_corpus, tmp_path):
     (tmp_path / "file").write_text("")
     done = framepairs("upscale", two_quads_corpus, "--method", "nearest", "--out", tmp_path / "file")

@@ -463,7 +463,7 @@ def test_rectified_colours_lie_on_the_ellipsoid_or_stay():
 
 
 def test_half_axes_are_longer_for_luma_and_never_0():
-    got = half_sizes(colours(np.float32([[0.1, 0.2, 0.3], [0, 0, 0]])), jit.Float(3), jit.Float(1.7), jit.Float([0.5, 0]))
+    got = half_sizes(colours(np.float32([[0.1, 0.2, 0.3], [0, 0, 0]])), jit.Float(3), jit.Float(1.7), jit.Float([0.5, 0]), 1e-5)
     assert np.allclose(rows(got), [[0.51 + 0.5, 0.6 + 0.5, 0.9 + 0.5], [1e-5] * 3], rtol=1e-6, atol=1.1e-5)
     assert rows(got).min() > 0
 

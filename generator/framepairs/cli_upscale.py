@@ -39,12 +39,16 @@ def upscale(
     from .upscaling.pictures import add_row, compared, write_frame, write_trajectory
 
     opened, entries, rows = Corpus(corpus), [], []
+    if out is not None and out.resolve().is_relative_to(corpus.resolve()):
+        raise InputError("lies in the corpus, which holds nothing else", file=out, field="out")
     if trajectory is not None and out is None:
         raise InputError("needs --out", field="trajectory")
     height = opened.manifest.plan.display[1]
     if trajectory is not None and not 0 <= trajectory < height:
         raise InputError(f"must be a row from 0 to {height - 1}, not {trajectory}", field="trajectory")
     chosen = {name: _pairs(opened, name, stream, method, truth) for name in opened.sequences if opened.frames(name)}
+    if not chosen:
+        raise InputError("holds no frames", file=corpus)
     if out is not None:
         make_folder(out)
     with progress(quiet or json_) as bar:
@@ -93,6 +97,8 @@ def roundtrip(corpus: CorpusFolder, json_: Json = False, quiet: Quiet = False) -
             own = [v for v in verdicts if (v.sequence, v.scale) == (sequence, scale)]
             rows = [(v.id, v.verdict, v.why if v.figure is None else f"{v.figure:+.2f} dB", f"{v.needed:+.2f}") for v in own]
             print_table(f"{sequence} at {scale:g}x", ["relation", "verdict", "by", "needed"], rows)
+    if all(v.verdict == "not applicable" for v in verdicts):
+        raise CheckFailed(f"{corpus}: nothing could be judged")
     broken = [v for v in verdicts if v.verdict == "broken"]
     if broken:
         first = broken[0]
@@ -105,14 +111,15 @@ def _pairs(corpus, sequence: str, streams: list[str] | None, methods: list[str] 
     """(stream, method) of a sequence as asked for. Raises InputError for a stream or method that is not there."""
     from .upscaling.sequence import METHODS, method_named
 
-    names = list(METHODS) if methods == ["all"] else methods or ["bicubic", "accumulate", "temporal"]
+    names = list(METHODS) if "all" in (methods or ()) else methods or ["bicubic", "accumulate", "temporal"]
     for name in names:
         method_named(name)
     there = corpus.streams(sequence)
     lr = [name for name in there if name.startswith("lr_")]
     unknown = [name for name in streams or () if name not in lr]
-    if unknown:
-        raise InputError(f"no LR stream {unknown[0]!r}; there are {', '.join(lr)}", file=corpus.folder)
+    if unknown or not lr:
+        wanted = f"no LR stream {unknown[0]!r}" if unknown else "no LR streams"
+        raise InputError(f"{wanted}; there are {', '.join(lr) or 'none'}", file=corpus.folder, field=sequence)
     if truth not in there:
-        raise InputError(f"no stream {truth!r}; there are {', '.join(there)}", file=corpus.folder)
+        raise InputError(f"no stream {truth!r}; there are {', '.join(there)}", file=corpus.folder, field=sequence)
     return [(stream, name) for stream in dict.fromkeys(streams or lr) for name in dict.fromkeys(names)]

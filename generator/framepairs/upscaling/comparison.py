@@ -15,6 +15,7 @@ from .sequence import upscale_frames
 from .settings import DEFAULTS, UpscaleSettings
 
 JUDGES = 2  # threads that compute metrics
+MOST_PSNR = 100.0  # what a frame that equals the truth counts, dB
 FLIP_FRAMES = 8  # of a sequence, at equal distances: FLIP takes longer than everything else together
 
 
@@ -89,35 +90,39 @@ def summarise(
     settings: UpscaleSettings = DEFAULTS,
     on_frame: Callable[[JudgedFrame], None] = lambda judged: None,
 ) -> list[dict]:
-    """A row per (stream, method): means over frames of psnr [dB], ssim, flip and warp_error [codes of 255]; tpsnr, the PSNR of
-    changes from frame to frame over all of them [dB]; static_std, the deviation over time where nothing moves [codes of 255];
-    ms, the median frame's. None where a figure has no frames, or is infinite because pictures are equal."""
-    settled = settled_frames(still_shots(corpus, sequence))
+    """A row per (stream, method): means over frames of psnr [dB, at most MOST_PSNR each], ssim, warp_error [codes of 255], and
+    flip over up to FLIP_FRAMES of them; tpsnr, the PSNR of changes from frame to frame over all of them [dB]; static_std, the
+    deviation over time where nothing moves [codes of 255]; ms, the median of all frames but the first. None where a figure has
+    no frames, and tpsnr where all changes are equal."""
+    settled = {frame: shot for shot in settled_frames(still_shots(corpus, sequence)) for frame in shot}
     collected: list[list[Judged]] = [[] for _ in pairs]
-    deviations = [[Deviation() for _ in settled] for _ in pairs]
+    deviations, stills = [Deviation() for _ in pairs], [[] for _ in pairs]
     for judged in judge_sequence(corpus, sequence, pairs, truth_stream, settings):
+        shot = settled.get(judged.frame)
         for index, result in enumerate(judged.results):
             collected[index].append(replace(result, image=None, shown=None))
-            for deviation, frames in zip(deviations[index], settled, strict=True):
-                if judged.frame in frames:
-                    deviation.add(result.shown)
+            if shot:
+                deviations[index].add(result.shown)
+            if shot and judged.frame == shot[-1]:
+                stills[index].append(deviations[index].result())
+                deviations[index] = Deviation()
         on_frame(judged)
-    return [_row(sequence, results, still) for results, still in zip(collected, deviations, strict=True) if results]
+    return [_row(sequence, results, still) for results, still in zip(collected, stills, strict=True) if results]
 
 
-def _row(sequence: str, results: list[Judged], deviations: list[Deviation]) -> dict:
+def _row(sequence: str, results: list[Judged], stills: list[float | None]) -> dict:
     changed = _mean([result.change_error for result in results])
     return {
         "sequence": sequence,
         "stream": results[0].stream,
         "method": results[0].method,
-        "psnr": _mean([result.psnr for result in results]),
+        "psnr": _mean([min(result.psnr, MOST_PSNR) for result in results]),
         "ssim": _mean([result.ssim for result in results]),
         "flip": _mean([result.flip for result in results]),
         "tpsnr": decibels(changed) if changed else None,
         "warp_error": _mean([result.warp_error for result in results]),
-        "static_std": _mean([deviation.result() for deviation in deviations]),
-        "ms": float(np.median([result.milliseconds for result in results])),
+        "static_std": _mean(stills),
+        "ms": float(np.median([result.milliseconds for result in results[1:] or results])),
     }
 
 
@@ -131,5 +136,4 @@ def _warp_errors(reader: FrameReader, shown: list[NDArray], before: JudgedFrame)
 
 def _mean(values: list) -> float | None:
     known = [value for value in values if value is not None and not np.isnan(value)]
-    mean = float(np.mean(known)) if known else None
-    return mean if mean is not None and np.isfinite(mean) else None
+    return float(np.mean(known)) if known else None

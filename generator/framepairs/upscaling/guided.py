@@ -17,7 +17,7 @@ from .spatial import lr_places, neighbours, opaque, upscale
 from .surfaces import NEIGHBOURS, border, pixel_indices
 from .temporal import scales
 
-LEAST_MATERIAL = 1e-3  # what F_beta counts with at least, as a divisor
+LEAST_MATERIAL = 1e-6  # what F_beta counts with at least, as a divisor
 LEAST_LIKENESS = 1e-4  # what a sample unlike the HR pixel counts with: light of another surface is better than none
 LEAST_SUM = 1e-30  # of weighted material, as a divisor: weights of samples many pixels away leave the range of floats
 
@@ -63,7 +63,7 @@ def guided(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = T
 
 
 def samples(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = True) -> Iterator[Sample]:
-    """The 3x3 `Sample`s of every HR pixel; without `demodulated`, reflected is the whole colour."""
+    """The 3x3 `Sample`s of every HR pixel; without `demodulated`, reflected is the whole colour and material 1."""
     lr, hr = frame.lr, frame.hr
     across, down = scales(frame)
     closeness, slope_x, slope_y = _plane(hr["depth"])
@@ -80,10 +80,10 @@ def samples(frame: UpscaleFrame, settings: UpscaleSettings, demodulated: bool = 
         alike *= dr.power(dr.clip(dr.dot(normal, jit.Array3f(*fetch(lr["normal"], a, b))), 0, 1), power)
         theirs = fetch(lr["object_id"], a, b)[0]
         alike *= dr.select(theirs == identity, 1, other)
-        reflected = jit.Array3f(*fetch(lr["color"], a, b))
+        reflected, material = jit.Array3f(*fetch(lr["color"], a, b)), jit.Array3f(1)
         if demodulated:
             reflected -= jit.Array3f(*fetch(lr["emission"], a, b))
-        material = dr.maximum(jit.Array3f(*fetch(lr["brdf"], a, b)), LEAST_MATERIAL)
+            material = dr.maximum(jit.Array3f(*fetch(lr["brdf"], a, b)), LEAST_MATERIAL)
         alike = dr.maximum(alike, LEAST_LIKENESS) * near.inside
         yield Sample(a, b, dx, dy, reflected, material, dr.select(theirs > 0, near.inside, 0), alike)
 

@@ -12,10 +12,11 @@ from ..colour import ycocg_from_rgb
 from ..warp import Image, fetch
 from .guided import LEAST_MATERIAL, LEAST_SUM, lighting_of, over_layers, remodulated, samples
 from .inputs import BRIGHTEST, UpscaleFrame
+from .light_changes import light_changed
 from .neighbourhood import STATISTICS, sample_sigma
 from .rectification import compress, expand, rectify
 from .settings import UpscaleSettings
-from .spatial import opaque
+from .spatial import lr_places, opaque
 from .surfaces import hidden
 from .temporal import Carried, History, carry, ellipsoid, no_history, scales, seen
 
@@ -30,9 +31,12 @@ def guided_temporal(history: History | None, frame: UpscaleFrame, settings: Upsc
     surface = Image(frame.hr["depth"].planes + motion.planes, *frame.size)
     history = history or no_history(6, frame.size, surface)
     covered = hidden(surface, history.surface, (0, 0), (0, 0), frame.previous_depth, settings)
-    trust = 1 - covered.planes[0]
+    changed = light_changed(_reflected(frame), history.values, frame.jitter, frame.exposure, settings)
+    place = (jit.Int32(dr.floor(value)) for value in lr_places(frame.lr["color"], frame.size, frame.jitter))
+    speed = dr.sqrt(dr.square(motion.planes[0]) + dr.square(motion.planes[1]))
+    trust = (1 - covered.planes[0]) * (1 - fetch(changed, *place)[0] * dr.maximum(1 - speed, 0))
     carried = carry(history, frame.size, motion.planes, trust, opaque(settings.guided_most_moving))
-    return _blended(carried, frame, surface, settings, exact=False)
+    return _blended(carried, frame, (surface,), settings, exact=False)
 
 
 def guided_oracle(history: History | None, frame: UpscaleFrame, settings: UpscaleSettings) -> tuple[History, list]:
@@ -40,7 +44,14 @@ def guided_oracle(history: History | None, frame: UpscaleFrame, settings: Upscal
     history = history or no_history(6, frame.size)
     motion = frame.hr["motion"].planes
     carried = carry(history, frame.size, motion, seen(frame), opaque(settings.guided_most_moving))
-    return _blended(carried, frame, None, settings, exact=True)
+    return _blended(carried, frame, (), settings, exact=True)
+
+
+def _reflected(frame: UpscaleFrame) -> Image:
+    """LR colour without emission."""
+    color, emission = (frame.lr[name] for name in ("color", "emission"))
+    planes = tuple(a - b for a, b in zip(color.planes, emission.planes, strict=True))
+    return Image(planes, color.width, color.height)
 
 
 def _upsampled_motion(frame: UpscaleFrame, settings: UpscaleSettings) -> Image:
@@ -96,14 +107,14 @@ def _lighting_around(frame: UpscaleFrame, speed, strength, settings: UpscaleSett
     return _LightingAround(*near_sums, near, lighting_of(*alike_sums), lit, mean, deviation)
 
 
-def _blended(carried: Carried, frame: UpscaleFrame, surface, settings: UpscaleSettings, exact: bool) -> tuple[History, list]:
+def _blended(carried: Carried, frame: UpscaleFrame, facts, settings: UpscaleSettings, exact: bool) -> tuple[History, list]:
     width, height = frame.size
     strength = opaque(settings.compression * frame.exposure)
     around = _lighting_around(frame, carried.speed, strength, settings)
 
     old_reflected, old_material = jit.Array3f(*carried.values[:3]), jit.Array3f(*carried.values[3:])
     old_light = compress(old_reflected / dr.maximum(old_material, LEAST_MATERIAL), strength)
-    kept, beyond = rectify(old_light, around.mean, ellipsoid(carried, around, settings, exact))
+    kept, beyond = rectify(old_light, around.mean, ellipsoid(carried, around, frame.exposure, settings, exact))
     if exact:
         still = carried.speed <= 0
         kept, beyond = dr.select(still, old_light, kept), dr.select(still, 1, beyond)
@@ -129,4 +140,4 @@ def _blended(carried: Carried, frame: UpscaleFrame, surface, settings: UpscaleSe
     total = dr.minimum(total, opaque(1e6 if exact else settings.most_still))
     dr.eval(reflected, material, total, variance, shown)
     images = (Image(tuple(part), width, height) for part in ((*reflected, *material), (total,), (variance,)))
-    return History(*images, surface), shown
+    return History(*images, *facts), shown

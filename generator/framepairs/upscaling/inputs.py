@@ -51,8 +51,9 @@ class FrameReader:
 
     def upscale_frame(self, stream: str, lr: tuple[str, ...], hr: tuple[str, ...]) -> UpscaleFrame:
         """The named channels of an LR stream and of `hr`. Raises InputError where the frame lacks the stream."""
-        if stream not in self.record.streams:
-            raise InputError(f"no stream {stream!r} in this frame", file=self.corpus.folder, frame=self.frame)
+        missing = [name for name in (stream, "hr") if name not in self.record.streams]
+        if missing:
+            raise InputError(f"no stream {missing[0]!r} in this frame", file=self.corpus.folder, frame=self.frame)
         return UpscaleFrame(
             lr={name: self.image(stream, name) for name in lr},
             hr={name: self.image("hr", name) for name in hr},

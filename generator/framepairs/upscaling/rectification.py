@@ -30,6 +30,6 @@ def rectify(history, mean, half_size) -> tuple:
     return dr.select(inside, history, clipped), beyond
 
 
-def half_sizes(deviation, sigmas, luma_factor, more) -> jit.Array3f:
-    """Half axes in YCoCg: `sigmas` deviations, luma longer by `luma_factor`, plus `more`, and never 0."""
-    return deviation * sigmas * jit.Array3f(luma_factor, 1, 1) + more + 1e-5
+def half_sizes(deviation, sigmas, luma_factor, more, least) -> jit.Array3f:
+    """Half axes in YCoCg: `sigmas` deviations, luma longer by `luma_factor`, plus `more` and `least` > 0."""
+    return deviation * sigmas * jit.Array3f(luma_factor, 1, 1) + more + least

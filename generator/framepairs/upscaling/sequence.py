@@ -18,7 +18,8 @@ from .settings import DEFAULTS, UpscaleSettings
 from .spatial import SPATIAL, upscale
 from .temporal import oracle, temporal
 
-GBUFFER = ("depth", "normal", "object_id", "emission", "brdf")
+SHAPE = ("depth", "normal", "object_id")
+GBUFFER = (*SHAPE, "emission", "brdf")
 EXACT = ("motion", "visibility")
 
 
@@ -45,7 +46,7 @@ METHODS: dict[str, Method] = {
     "accumulate": Method(accumulate, ("color", "motion", "visibility")),
     "temporal": Method(temporal, ("color", "depth", "motion")),
     "oracle": Method(oracle, ("color",), EXACT),
-    "joint_bilateral": Method(_alone(lambda *given: guided(*given, demodulated=False)), ("color", *GBUFFER), GBUFFER),
+    "joint_bilateral": Method(_alone(lambda *given: guided(*given, demodulated=False)), ("color", *SHAPE), SHAPE),
     "guided": Method(_alone(guided), ("color", *GBUFFER), GBUFFER),
     "guided_temporal": Method(guided_temporal, ("color", "motion", *GBUFFER), GBUFFER),
     "guided_oracle": Method(guided_oracle, ("color", *GBUFFER), (*GBUFFER, *EXACT)),

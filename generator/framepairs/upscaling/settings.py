@@ -25,6 +25,8 @@ class UpscaleSettings:
         2006, as in FSR 2). slope, most_slope: how many times the depth's own change between neighbours is added, and the
         most that change may be, relative to depth. least_parting: pixels per frame by which an occluder must move otherwise
         than what it hid, to count in full.
+        light_step, light_share: relative change of luminance that counts, and the share of 7x7 LR pixels that must change by it
+        the same way, before history of what stands still is doubted.
         still_sigmas, moving_sigmas: half-size of the ellipsoid of colours, in deviations of the 3x3 neighbourhood, for
         surfaces that stand, and for those that move by `fast` or that were hidden; luma_factor: its luma axis is longer.
         temporal_sigmas: half-size added per deviation over time of surfaces that stand: thin things stay where a frame
@@ -56,6 +58,8 @@ class UpscaleSettings:
     slope: float = 2.0
     most_slope: float = 0.1
     least_parting: float = 0.1
+    light_step: float = 0.1
+    light_share: float = 0.5
     still_sigmas: float = 3.0
     moving_sigmas: float = 2.0
     fast: float = 20.0

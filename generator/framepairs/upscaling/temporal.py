@@ -12,11 +12,14 @@ from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
 from ..colour import ycocg_from_rgb
 from ..warp import Image, bilinear, catmull_rom, fetch, pixel_centres
 from .inputs import FAR, UpscaleFrame
+from .light_changes import light_changed
 from .neighbourhood import neighbourhood, sample_sigma
 from .rectification import compress, expand, half_sizes, rectify
 from .settings import UpscaleSettings
 from .spatial import Jitter, lr_places, opaque
 from .surfaces import dilate, hidden
+
+LEAST_AXIS = 1e-5  # of the ellipsoid, after exposure
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,11 @@ def temporal(history: History | None, frame: UpscaleFrame, settings: UpscaleSett
     i, j = jit.Int32(dr.floor(x)), jit.Int32(dr.floor(y))
     scale = scales(frame)
     moved = [value * factor for value, factor in zip(fetch(surface, i, j)[1:], scale, strict=True)]
-    trust = 1 - fetch(covered, i, j)[0]
+    changed = light_changed(color, history.values, frame.jitter, frame.exposure, settings)
+    speed = dr.sqrt(dr.square(moved[0]) + dr.square(moved[1]))
+    trust = (1 - fetch(covered, i, j)[0]) * (1 - fetch(changed, i, j)[0] * dr.maximum(1 - speed, 0))
     carried = carry(history, frame.size, moved, trust, opaque(settings.most_moving))
-    return _blended(carried, frame, (x, y), scale, surface, settings, exact=False)
+    return _blended(carried, frame, (x, y), scale, (surface, frame.jitter), settings, exact=False)
 
 
 def oracle(history: History | None, frame: UpscaleFrame, settings: UpscaleSettings) -> tuple[History, list]:
@@ -75,7 +80,7 @@ def oracle(history: History | None, frame: UpscaleFrame, settings: UpscaleSettin
     history = history or no_history(3, frame.size)
     carried = carry(history, frame.size, frame.hr["motion"].planes, seen(frame), opaque(settings.most_moving))
     places = lr_places(color, frame.size, frame.jitter)
-    return _blended(carried, frame, places, scales(frame), None, settings, exact=True)
+    return _blended(carried, frame, places, scales(frame), (), settings, exact=True)
 
 
 def scales(frame: UpscaleFrame) -> tuple:
@@ -104,26 +109,26 @@ def carry(history: History, size: tuple[int, int], motion, trust, most_moving) -
     return Carried(_limited(history.values, x, y), weight, bilinear(history.variance, x, y)[0] * trust, speed, trust)
 
 
-def ellipsoid(carried: Carried, around, settings: UpscaleSettings, exact: bool) -> jit.Array3f:
-    """Half axes in YCoCg within which history is believed (pass 5)."""
+def ellipsoid(carried: Carried, around, exposure: float, settings: UpscaleSettings, exact: bool) -> jit.Array3f:
+    """Half axes in YCoCg within which history is believed (pass 5): LEAST_AXIS of what is shown white, at least."""
     if exact:
         sigmas, share = opaque(settings.moving_sigmas), opaque(settings.oracle_sigmas)
     else:
         unsure = dr.maximum(dr.minimum(carried.speed * opaque(1 / settings.fast), 1), 1 - carried.trust)
         sigmas, share = dr.lerp(opaque(settings.still_sigmas), opaque(settings.moving_sigmas), unsure), 0
     known = opaque(settings.temporal_sigmas) * dr.maximum(1 - carried.speed, share) * dr.sqrt(carried.variance)
-    return half_sizes(around.deviation, sigmas, opaque(settings.luma_factor), known)
+    return half_sizes(around.deviation, sigmas, opaque(settings.luma_factor), known, opaque(LEAST_AXIS / exposure))
 
 
-def _blended(carried, frame, places, scale, surface, settings, exact: bool) -> tuple[History, list]:
-    """Pass 6: the present samples and what is carried, by weight, in compressed light."""
+def _blended(carried, frame, places, scale, facts, settings, exact: bool) -> tuple[History, list]:
+    """Pass 6: the present samples and what is carried, by weight, in compressed light. facts: for its History."""
     color, (width, height) = frame.lr["color"], frame.size
     # What stands still is a plain mean, which is what the truth is.
     strength = opaque(settings.compression * frame.exposure) * dr.minimum(carried.speed, 1)
     sigma = sample_sigma(carried.speed, settings.still_sigma, settings.moving_sigma)
     around = neighbourhood(color, *places, scale, sigma, strength, settings)
     old = compress(jit.Array3f(*carried.values), strength)
-    kept, beyond = rectify(old, around.mean, ellipsoid(carried, around, settings, exact))
+    kept, beyond = rectify(old, around.mean, ellipsoid(carried, around, frame.exposure, settings, exact))
     if exact:  # what stands still and was seen is the same surface: only its light may have changed
         still = carried.speed <= 0
         kept, beyond = dr.select(still, old, kept), dr.select(still, 1, beyond)
@@ -142,7 +147,7 @@ def _blended(carried, frame, places, scale, surface, settings, exact: bool) -> t
     total = dr.minimum(total, most)
     dr.eval(value, shown, variance, total)
     images = (Image(tuple(part), width, height) for part in (value, (total,), (variance,)))
-    return History(*images, surface, frame.jitter), list(shown)
+    return History(*images, *facts), list(shown)
 
 
 def _limited(image: Image, x, y) -> list:
