@@ -89,8 +89,7 @@ DECLARED = {
 class _Scores:
     """What was measured of a sequence and scale: PSNR by pair and frame, of whole pictures and on textured surfaces; PSNR by
     hypothesis and frame, by what of DECLARED it is about. steady: frames whose truth equals that of the frame before.
-    relit: whether light changes where nothing moves, or
-    everywhere."""
+    relit: whether light changes where nothing moves, or everywhere."""
 
     whole: dict
     textured: dict
@@ -199,7 +198,7 @@ def _scores(corpus, sequence: str, pairs: Sequence[tuple[str, str]], jittered: s
             if mask is not None and mask.mean() >= LEAST_TEXTURED:
                 scores.textured[pair][frame] = min(psnr(shown[mask], truth[mask]), MOST_PSNR)
         follows = previous is not None and previous[0] == frame - 1 and not reader.record.reset
-        if jittered:
+        if jittered and min(_size(corpus, sequence, jittered)) >= LEAST_SIZE:
             before = tuple(corpus.record(sequence, frame - 1).streams[jittered].jitter) if follows else None
             scores.declared["declared_jitter_wins"][frame] = jitter_fits(reader, jittered, truth, before)
         if follows and moves:
@@ -232,11 +231,12 @@ def _all_around(mask: NDArray) -> NDArray:
 
 def _margin(fits: list[dict[str, float]]) -> tuple[float | None, str]:
     """By how many dB the declared hypothesis is better than the best other one, means over frames; and which that is."""
-    known = [fit for fit in fits if fit and all(np.isfinite(value) for value in fit.values())]
+    known = [fit for fit in fits if fit and not any(np.isnan(value) for value in fit.values())]
     names = [name for name in (known[0] if known else ()) if name != "declared"]
     if not names:
         return None, "nothing to tell it by"
-    means = {name: np.mean([fit["declared"] - fit[name] for fit in known if name in fit]) for name in names}
+    capped = [{name: min(value, MOST_PSNR) for name, value in fit.items()} for fit in known]
+    means = {name: np.mean([fit["declared"] - fit[name] for fit in capped if name in fit]) for name in names}
     closest = min(means, key=means.get)
     return float(means[closest]), f"closest: {closest}"
 
