@@ -30,7 +30,7 @@ endef
 , := ,
 
 browser: setup
-	@$(call ensure,command -v chromium chromium-browser google-chrome,chromium)
+	@$(call ensure,command -v chromium || command -v chromium-browser || command -v google-chrome,chromium)
 
 demo: setup
 	$(BIN)/framepairs render market --display 960x540 --scale 2 --scale 3 --channels all --out $(DEMO)
