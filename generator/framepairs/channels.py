@@ -140,3 +140,9 @@ def _motion_row(offset: int) -> Channel:
 
 MOTION_CHANNELS = ("motion", "dual_motion", "visibility")
 INSIDE_PREVIOUS_FRAME, IN_FRONT_OF_PREVIOUS_CAMERA, SEEN_BY_PREVIOUS_CAMERA = 1, 2, 4
+
+
+def seen_before(bits):
+    """Where `visibility` says that the previous frame shows the surface: inside it, and seen. NumPy's arrays and Dr.Jit's."""
+    wanted = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
+    return (bits & wanted) == wanted

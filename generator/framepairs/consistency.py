@@ -18,7 +18,7 @@ from .corpus import Corpus
 from .errors import InputError
 from .manifest import CameraRecord
 from .reprojection import residuals
-from .warp import Image, bilinear, fetch, nearest, pixel_centres, to_image
+from .warp import Image, bilinear, corners, fetch, nearest, pixel_centres, range_around, to_image
 
 TOLERANCE_PX = 0.05
 # albedo and normal: past these the code of DFASR 2024 takes surfaces for different (its masks of equations 4 and 5)
@@ -223,18 +223,9 @@ def consistency_picture(errors: dict[str, NDArray]) -> NDArray[np.uint8]:
     return picture
 
 
-def _corners(image: Image, x, y) -> list[list]:
-    """The four pixels whose centres are around a place."""
-    i, j = jit.Int32(dr.floor(x - 0.5)), jit.Int32(dr.floor(y - 0.5))
-    return [fetch(image, i + column, j + row) for row in (0, 1) for column in (0, 1)]
-
-
 def _out_of_range(now: Image, before: Image, x, y) -> list:
     """How far each plane of `now` lies outside the range of the four pixels of `before` around a place; 0 inside."""
-    lowest = highest = None
-    for corner in _corners(before, x, y):
-        lowest = [dr.minimum(a, b) for a, b in zip(lowest or corner, corner, strict=True)]
-        highest = [dr.maximum(a, b) for a, b in zip(highest or corner, corner, strict=True)]
+    lowest, highest = range_around(before, x, y)
     return [dr.maximum(dr.maximum(a - v, v - b), 0) for a, v, b in zip(lowest, now.planes, highest, strict=True)]
 
 
@@ -242,7 +233,7 @@ def _chord(now: Image, before: Image, x, y) -> list:
     """[1] the least distance, 0 to 2, between a unit normal and those of the four pixels of `before` around a place; NaN
     where there is no normal."""
     normal, least = _unit(now.planes), jit.Float(math.inf)
-    for corner in _corners(before, x, y):
+    for corner in corners(before, x, y):
         least = dr.minimum(least, dr.sqrt(sum(dr.square(a - b) for a, b in zip(normal, _unit(corner), strict=True))))
     return [dr.select(dr.isnan(normal[0]), math.nan, least)]
 

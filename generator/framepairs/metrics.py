@@ -19,8 +19,12 @@ def to_display(color: NDArray, exposure_ev: float) -> NDArray[np.float32]:
 
 def psnr(image: NDArray, truth: NDArray) -> float:
     """10 log10(1 / mean squared error) in dB for images in [0, 1]; infinite for equal ones."""
-    error = float(np.mean(np.square(image.astype(np.float64) - truth)))
-    return float("inf") if error == 0 else -10 * float(np.log10(error))
+    return decibels(float(np.mean(np.square(image.astype(np.float64) - truth))))
+
+
+def decibels(squared_error: float) -> float:
+    """-10 log10 of a mean squared error of display codes in [0, 1]; infinite for 0."""
+    return float("inf") if squared_error == 0 else -10 * float(np.log10(squared_error))
 
 
 def ssim(image: NDArray, truth: NDArray) -> float:

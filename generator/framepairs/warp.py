@@ -50,6 +50,21 @@ def fetch(image: Image, i, j) -> list:
     return [dr.gather(type(plane), plane, place) for plane in image.planes]
 
 
+def corners(image: Image, x, y) -> list[list]:
+    """The four pixels whose centres are around a place."""
+    i, j = jit.Int32(dr.floor(x - 0.5)), jit.Int32(dr.floor(y - 0.5))
+    return [fetch(image, i + column, j + row) for row in (0, 1) for column in (0, 1)]
+
+
+def range_around(image: Image, x, y) -> tuple[list, list]:
+    """The least and the greatest of these four, plane by plane."""
+    lowest = highest = None
+    for corner in corners(image, x, y):
+        lowest = [dr.minimum(a, b) for a, b in zip(lowest or corner, corner, strict=True)]
+        highest = [dr.maximum(a, b) for a, b in zip(highest or corner, corner, strict=True)]
+    return lowest, highest
+
+
 def nearest(image: Image, x, y) -> list:
     """The pixel that holds (x, y)."""
     return fetch(image, jit.Int32(dr.floor(x)), jit.Int32(dr.floor(y)))

@@ -5,7 +5,7 @@ the previous frame did not see the surface. Colours are not rectified, so a stat
 from dataclasses import dataclass
 
 from ..backend import dr, jit
-from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
+from ..channels import seen_before
 from ..warp import Image, bilinear, fetch, nearest, pixel_centres
 from .inputs import UpscaleFrame
 from .neighbourhood import gaussian_kernel
@@ -56,10 +56,9 @@ def _carried(history: Sums, frame: UpscaleFrame, x, y, settings: UpscaleSettings
     """What is remembered at the place where each HR pixel's surface was: (mean [3], weight); weight 0 where it was not seen."""
     moved = nearest(frame.lr["motion"], x, y)
     bits = nearest(frame.lr["visibility"], x, y)[0]
-    trusted = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
     hx, hy = pixel_centres(*frame.size)
     dx, dy = (value * factor for value, factor in zip(moved, scales(frame), strict=True))
     weight = bilinear(history.weight, hx + dx, hy + dy)[0]
     still = (dx == 0) & (dy == 0)
     kept = dr.select(still, weight, dr.minimum(weight, opaque(settings.accumulate_most_moving)))
-    return bilinear(history.color, hx + dx, hy + dy), dr.select((bits & trusted) == trusted, kept, 0)
+    return bilinear(history.color, hx + dx, hy + dy), dr.select(seen_before(bits), kept, 0)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..corpus import Corpus
-from ..metrics import flip, psnr, ssim, to_display
+from ..metrics import decibels, flip, psnr, ssim, to_display
 from .inputs import FrameReader
-from .measures import Deviation, change_error, decibels, settled_frames, still_shots, warp_error
+from .measures import Deviation, change_error, settled_frames, still_shots, warp_error
 from .sequence import upscale_frames
 from .settings import DEFAULTS, UpscaleSettings
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ..backend import dr, jit
 from ..warp import Image, fetch
-from .inputs import BRIGHTEST, UpscaleFrame
+from .inputs import BRIGHTEST, LAYERS, UpscaleFrame
 from .settings import UpscaleSettings
 from .spatial import lr_places, neighbours, opaque, upscale
 from .surfaces import NEIGHBOURS, border, pixel_indices
@@ -106,7 +106,7 @@ def remodulated(light, lit, frame: UpscaleFrame) -> list:
 
 def over_layers(planes: list, frame: UpscaleFrame) -> list:
     """Where blended layers or an overlay cover the surface, which the G-buffers do not know, the bicubic colour instead."""
-    layers = [frame.hr[name].planes[0] for name in ("transparency", "overlay") if name in frame.hr]
+    layers = [frame.hr[name].planes[0] for name in LAYERS if name in frame.hr]
     if not layers:
         return planes
     covered = dr.clip(layers[0] if len(layers) == 1 else dr.maximum(*layers), 0, 1)

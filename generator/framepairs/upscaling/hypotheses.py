@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..backend import dr
-from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
+from ..channels import seen_before
 from ..metrics import psnr, to_display
 from ..warp import Image, backward_warp, to_array, to_image
 from .inputs import FrameReader
@@ -41,8 +41,7 @@ def motion_fits(reader: FrameReader, stream: str, truth: NDArray, previous: NDAr
     """PSNR in dB of the previous frame's truth, warped by each motion of `stream`, against the truth, display codes, over what
     the previous frame shows; nothing where that is nothing, or where nothing moves."""
     motion, bits = reader.image(stream, "motion"), reader.image(stream, "visibility").planes[0]
-    trusted = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
-    seen = np.array((bits & trusted) == trusted).reshape(motion.height, motion.width)
+    seen = np.array(seen_before(bits)).reshape(motion.height, motion.width)
     if not seen.any() or not any(np.any(np.array(plane)) for plane in motion.planes):
         return {}
     size, jitter = (motion.width, motion.height), tuple(reader.record.streams[stream].jitter)

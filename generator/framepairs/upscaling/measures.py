@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..backend import dr, jit
-from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
+from ..channels import seen_before
 from ..corpus import Corpus
 from ..warp import Image, backward_warp, to_image
 
@@ -21,17 +21,11 @@ def change_error(image: NDArray, previous: NDArray, truth: NDArray, previous_tru
     return float(np.mean(np.square((image - previous).astype(np.float64) - (truth - previous_truth))))
 
 
-def decibels(squared_error: float) -> float:
-    """-10 log10 of a mean squared error of display codes in [0, 1]; infinite for 0."""
-    return float("inf") if squared_error == 0 else -10 * float(np.log10(squared_error))
-
-
 def warp_error(image: NDArray, previous: NDArray, motion: Image, visibility: Image) -> float | None:
     """Root mean square difference, in codes of 255, between a frame and the previous one, warped onto it by exact HR motion,
     over pixels that the previous frame shows; None where there are none (Lai et al. 2018, equation 8, with an exact mask). The
     truth has one, too: its light changes, and warping interpolates."""
-    trusted = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
-    seen = (visibility.planes[0] & trusted) == trusted
+    seen = seen_before(visibility.planes[0])
     warped = backward_warp(to_image(previous), motion, "catmull_rom")
     squared = sum(dr.square(a - b) for a, b in zip(to_image(image).planes, warped, strict=True)) / 3
     sums, count = dr.sum(dr.select(seen, squared, 0)), dr.sum(dr.select(seen, jit.Float(1), 0))

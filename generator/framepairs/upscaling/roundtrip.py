@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
+from ..channels import seen_before
 from ..corpus import Corpus
 from ..metrics import psnr, to_display
 from .hypotheses import jitter_fits, motion_fits
@@ -20,7 +20,6 @@ from .measures import still_shots
 from .sequence import METHODS, upscale_frames
 from .settings import DEFAULTS, UpscaleSettings
 
-TRUSTED = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
 SHORTEST_SHOT = 8  # frames that a still shot must have
 LEAST_TEXTURED = 0.01  # share of pixels
 LEAST_SIZE = 12  # pixels of LR frames, of which smaller ones have too little to be judged by
@@ -219,7 +218,7 @@ def _scores(corpus, sequence: str, pairs: Sequence[tuple[str, str]], jittered: s
 def _still(reader: FrameReader) -> NDArray:
     """[height, width] pixels whose surface, and all within 5x5, stands still and was seen before."""
     motion, bits = (reader.image("hr", name) for name in ("motion", "visibility"))
-    still = (motion.planes[0] == 0) & (motion.planes[1] == 0) & ((bits.planes[0] & TRUSTED) == TRUSTED)
+    still = (motion.planes[0] == 0) & (motion.planes[1] == 0) & seen_before(bits.planes[0])
     return _all_around(np.array(still).reshape(motion.height, motion.width))
 
 

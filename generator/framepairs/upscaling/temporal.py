@@ -8,9 +8,9 @@ the heuristics' fault, and what `oracle` loses against the truth is the data's o
 from dataclasses import dataclass
 
 from ..backend import dr, jit
-from ..channels import INSIDE_PREVIOUS_FRAME, SEEN_BY_PREVIOUS_CAMERA
+from ..channels import seen_before
 from ..colour import ycocg_from_rgb
-from ..warp import Image, bilinear, catmull_rom, fetch, pixel_centres
+from ..warp import Image, bilinear, catmull_rom, fetch, pixel_centres, range_around
 from .inputs import FAR, UpscaleFrame
 from .light_changes import light_changed
 from .neighbourhood import neighbourhood, sample_sigma
@@ -91,8 +91,7 @@ def scales(frame: UpscaleFrame) -> tuple:
 
 def seen(frame: UpscaleFrame):
     """1 where the previous camera saw the HR pixel's surface, else 0."""
-    trusted = INSIDE_PREVIOUS_FRAME | SEEN_BY_PREVIOUS_CAMERA
-    return dr.select((frame.hr["visibility"].planes[0] & trusted) == trusted, jit.Float(1), 0)
+    return dr.select(seen_before(frame.hr["visibility"].planes[0]), jit.Float(1), 0)
 
 
 def carry(history: History, size: tuple[int, int], motion, trust, most_moving) -> Carried:
@@ -151,11 +150,5 @@ def _blended(carried, frame, places, scale, facts, settings, exact: bool) -> tup
 
 
 def _limited(image: Image, x, y) -> list:
-    values = catmull_rom(image, x, y)
-    i, j = jit.Int32(dr.floor(x - 0.5)), jit.Int32(dr.floor(y - 0.5))
-    corners = [fetch(image, i + column, j + row) for row in (0, 1) for column in (0, 1)]
-    low, high = list(corners[0]), list(corners[0])
-    for corner in corners[1:]:
-        low = [dr.minimum(a, b) for a, b in zip(low, corner, strict=True)]
-        high = [dr.maximum(a, b) for a, b in zip(high, corner, strict=True)]
-    return [dr.clip(value, a, b) for value, a, b in zip(values, low, high, strict=True)]
+    bounds = zip(catmull_rom(image, x, y), *range_around(image, x, y), strict=True)
+    return [dr.clip(value, low, high) for value, low, high in bounds]
