@@ -14,11 +14,11 @@ from .guided import LEAST_MATERIAL, LEAST_SUM, lighting_of, over_layers, remodul
 from .inputs import BRIGHTEST, UpscaleFrame
 from .light_changes import light_changed
 from .neighbourhood import STATISTICS, sample_sigma
-from .rectification import compress, expand, rectify
+from .rectification import compress, expand
 from .settings import UpscaleSettings
 from .spatial import lr_places, opaque
 from .surfaces import hidden
-from .temporal import Carried, History, carry, ellipsoid, no_history, scales, seen
+from .temporal import Carried, History, believed, carry, next_variance, no_history, scales, seen
 
 
 def guided_temporal(history: History | None, frame: UpscaleFrame, settings: UpscaleSettings) -> tuple[History, list]:
@@ -114,10 +114,7 @@ def _blended(carried: Carried, frame: UpscaleFrame, facts, settings: UpscaleSett
 
     old_reflected, old_material = jit.Array3f(*carried.values[:3]), jit.Array3f(*carried.values[3:])
     old_light = compress(old_reflected / dr.maximum(old_material, LEAST_MATERIAL), strength)
-    kept, beyond = rectify(old_light, around.mean, ellipsoid(carried, around, frame.exposure, settings, exact))
-    if exact:
-        still = carried.speed <= 0
-        kept, beyond = dr.select(still, old_light, kept), dr.select(still, 1, beyond)
+    kept, beyond = believed(old_light, carried, around, frame.exposure, settings, exact)
     weight = carried.weight / beyond
     old_reflected = dr.select(beyond > 1, expand(kept, strength) * old_material, old_reflected)
 
@@ -133,10 +130,8 @@ def _blended(carried: Carried, frame: UpscaleFrame, facts, settings: UpscaleSett
     lit = dr.select(known | (around.lit > 0), jit.Float(1), 0)
     shown = over_layers(remodulated(light, lit, frame), frame)
 
-    changed = ycocg_from_rgb(compress(lighting_of(around.reflected, around.material), strength))[0]
-    changed = dr.square(changed - ycocg_from_rgb(old_light)[0])
-    variance = dr.lerp(carried.variance, changed, dr.minimum(around.weight * opaque(settings.memory), 1))
-    variance = dr.select(weight > 0, dr.maximum(variance, 0), 0)
+    sampled = compress(lighting_of(around.reflected, around.material), strength)
+    variance = next_variance(carried, weight, sampled, around.weight, old_light, settings)
     total = dr.minimum(total, opaque(1e6 if exact else settings.most_still))
     dr.eval(reflected, material, total, variance, shown)
     images = (Image(tuple(part), width, height) for part in ((*reflected, *material), (total,), (variance,)))

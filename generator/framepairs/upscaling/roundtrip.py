@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..channels import seen_before
 from ..corpus import Corpus
 from ..metrics import psnr, to_display
+from ..warp import to_array
 from .hypotheses import jitter_fits, motion_fits
 from .inputs import FrameReader
 from .measures import still_shots
@@ -190,7 +191,7 @@ def _scores(corpus, sequence: str, pairs: Sequence[tuple[str, str]], jittered: s
     for reader, step in upscale_frames(corpus, sequence, pairs, settings):
         frame, exposure = reader.frame, reader.record.exposure_ev
         truth = to_display(corpus.read(sequence, "hr", "color", frame), exposure)
-        mask = _textured(corpus, sequence, frame)
+        mask = _textured(reader)
         for pair, result in zip(pairs, step, strict=True):
             shown = to_display(np.maximum(result.image, 0), exposure)
             scores.whole[pair][frame] = min(psnr(shown, truth), MOST_PSNR)
@@ -240,13 +241,14 @@ def _margin(fits: list[dict[str, float]]) -> tuple[float | None, str]:
     return float(means[closest]), f"closest: {closest}"
 
 
-def _textured(corpus: Corpus, sequence: str, frame: int) -> NDArray | None:
+def _textured(reader: FrameReader) -> NDArray | None:
     """[height, width] where F_beta varies within 3x3 pixels of one object; None without `brdf` or `object_id`."""
-    entry = corpus.sequence(sequence)
+    entry = reader.corpus.sequence(reader.sequence)
     if any(name not in entry.channels and name not in entry.constants for name in ("brdf", "object_id")):
         return None
-    material = corpus.read(sequence, "hr", "brdf", frame).mean(axis=-1)
-    identity = corpus.read(sequence, "hr", "object_id", frame)[..., 0]
+    images = (reader.image("hr", name) for name in ("brdf", "object_id"))
+    material, identity = (to_array(image.planes, image.width, image.height) for image in images)
+    material, identity = material.mean(axis=-1), identity[..., 0]
     around = np.stack([np.roll(material, (j, i), (0, 1)) for j in (-1, 0, 1) for i in (-1, 0, 1)])
     same = _all_around(np.all([np.roll(identity, -1, axis) == identity for axis in (0, 1)], axis=0))
     return same & (identity > 0) & (around.std(axis=0) > TEXTURE * np.maximum(around.mean(axis=0), 1e-6))

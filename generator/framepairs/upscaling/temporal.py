@@ -119,6 +119,23 @@ def ellipsoid(carried: Carried, around, exposure: float, settings: UpscaleSettin
     return half_sizes(around.deviation, sigmas, opaque(settings.luma_factor), known, opaque(LEAST_AXIS / exposure))
 
 
+def believed(old, carried: Carried, around, exposure: float, settings: UpscaleSettings, exact: bool) -> tuple:
+    """History, compressed RGB, rectified by what is around, and how far outside it was (`rectify`). With `exact`, what stands
+    still and was seen is the same surface, and stays: only its light may have changed."""
+    kept, beyond = rectify(old, around.mean, ellipsoid(carried, around, exposure, settings, exact))
+    if not exact:
+        return kept, beyond
+    still = carried.speed <= 0
+    return dr.select(still, old, kept), dr.select(still, 1, beyond)
+
+
+def next_variance(carried: Carried, weight, sample, sample_weight, old, settings: UpscaleSettings):
+    """Variance over time of compressed luma, after samples (compressed RGB) of a weight; 0 where history has none left."""
+    changed = dr.square(ycocg_from_rgb(sample)[0] - ycocg_from_rgb(old)[0])
+    variance = dr.lerp(carried.variance, changed, dr.minimum(sample_weight * opaque(settings.memory), 1))
+    return dr.select(weight > 0, dr.maximum(variance, 0), 0)
+
+
 def _blended(carried, frame, places, scale, facts, settings, exact: bool) -> tuple[History, list]:
     """Pass 6: the present samples and what is carried, by weight, in compressed light. facts: for its History."""
     color, (width, height) = frame.lr["color"], frame.size
@@ -127,10 +144,7 @@ def _blended(carried, frame, places, scale, facts, settings, exact: bool) -> tup
     sigma = sample_sigma(carried.speed, settings.still_sigma, settings.moving_sigma)
     around = neighbourhood(color, *places, scale, sigma, strength, settings)
     old = compress(jit.Array3f(*carried.values), strength)
-    kept, beyond = rectify(old, around.mean, ellipsoid(carried, around, frame.exposure, settings, exact))
-    if exact:  # what stands still and was seen is the same surface: only its light may have changed
-        still = carried.speed <= 0
-        kept, beyond = dr.select(still, old, kept), dr.select(still, 1, beyond)
+    kept, beyond = believed(old, carried, around, frame.exposure, settings, exact)
     weight = carried.weight / beyond
     total = weight + around.weight
     value = (kept * weight + around.color * around.weight) / total
@@ -139,9 +153,7 @@ def _blended(carried, frame, places, scale, facts, settings, exact: bool) -> tup
     shown = expand((value * total + bicubic * now) / (total + now), strength)
     value = expand(value, strength)
 
-    changed = dr.square(ycocg_from_rgb(around.color)[0] - ycocg_from_rgb(old)[0])
-    variance = dr.lerp(carried.variance, changed, dr.minimum(around.weight * opaque(settings.memory), 1))
-    variance = dr.select(weight > 0, dr.maximum(variance, 0), 0)
+    variance = next_variance(carried, weight, around.color, around.weight, old, settings)
     most = opaque(1e6 if exact else settings.most_still)
     total = dr.minimum(total, most)
     dr.eval(value, shown, variance, total)
